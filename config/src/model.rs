@@ -1,0 +1,261 @@
+//! The shape of the configuration. Rules that need more than one value are in `load`, which checks them.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use supersigma_protocol::{AxisNumber, Position, SpeedIndex, Steps};
+
+/// A whole set.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Config {
+    /// The ramp of every axis that has none of its own.
+    #[serde(default)]
+    pub ramp: RampConfig,
+    /// Lines: several axes that start at one tick.
+    #[serde(default)]
+    pub line: LineConfig,
+    /// The executive: sense, control, wait.
+    #[serde(default)]
+    pub executive: ExecutiveConfig,
+    /// How the CCU knows that a process is alive.
+    #[serde(default)]
+    pub supervision: SupervisionConfig,
+    /// The MCAP log.
+    #[serde(default)]
+    pub log: LogConfig,
+    /// One to seven axes, each with its own address and name.
+    #[serde(rename = "axis")]
+    pub axes: Vec<AxisConfig>,
+    /// The digital input and output cards.
+    #[serde(default)]
+    pub digital: DigitalConfig,
+}
+
+/// The speed-time curve V(t) = amplitude · sin²(omega · t + phase), \[C\] eq. (3), and its table.
+///
+/// The paper prints an amplitude of 14 000, which contradicts its own text (650 steps/s at t = 0, 15 000 at
+/// t = 0.3 s); with 15 000 every other figure of the paper agrees.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RampConfig {
+    /// Steps per second.
+    pub amplitude: f64,
+    /// Radians per second.
+    pub omega: f64,
+    /// Radians.
+    pub phase: f64,
+    /// Ticks of 0.5 µs from one entry of the table to the next: 2 580 is the paper's 1.29 ms.
+    pub interval_ticks: u32,
+    /// The same for an emergency stop: shorter, so that the same table makes a steeper ramp.
+    pub brake_interval_ticks: u32,
+    /// Steps kept in reserve between the computed end of the deceleration and the target.
+    pub offset: u32,
+    /// How movements too short for the whole ramp are made.
+    pub short_moves: ShortMoves,
+}
+
+impl Default for RampConfig {
+    fn default() -> Self {
+        Self {
+            amplitude: 15_000.0,
+            omega: 4.544_26,
+            phase: 0.209_7,
+            interval_ticks: 2_580,
+            brake_interval_ticks: 860,
+            offset: 10,
+            short_moves: ShortMoves::Optimal,
+        }
+    }
+}
+
+/// How movements are made that are too short for the whole ramp.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ShortMoves {
+    /// Up the curve and, half-way, back down it.
+    Optimal,
+    /// \[C\]: the same differences with a larger initial N, constant speed below 200 steps.
+    Paper,
+}
+
+/// Lines.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct LineConfig {
+    /// Real milliseconds from the start command to the common start tick.
+    pub lead_ms: u32,
+}
+
+impl Default for LineConfig {
+    fn default() -> Self {
+        Self { lead_ms: 40 }
+    }
+}
+
+/// The executive.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ExecutiveConfig {
+    /// Real milliseconds within which a card must answer a command.
+    pub answer_ms: u32,
+    /// Real milliseconds beyond the planned end after which a movement is overdue.
+    pub overdue_ms: u32,
+}
+
+impl Default for ExecutiveConfig {
+    fn default() -> Self {
+        Self { answer_ms: 500, overdue_ms: 500 }
+    }
+}
+
+/// How the CCU knows that a process is alive.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct SupervisionConfig {
+    /// Real milliseconds between two heartbeats of a card.
+    pub heartbeat_ms: u32,
+    /// Real milliseconds of silence after which a card counts as hung.
+    pub silent_ms: u32,
+}
+
+impl Default for SupervisionConfig {
+    fn default() -> Self {
+        Self { heartbeat_ms: 100, silent_ms: 450 }
+    }
+}
+
+/// The MCAP log.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct LogConfig {
+    /// Real milliseconds after which what was recorded is on disk, readable.
+    pub flush_ms: u32,
+}
+
+impl Default for LogConfig {
+    fn default() -> Self {
+        Self { flush_ms: 100 }
+    }
+}
+
+/// One axis: a card, its motor and its rail.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AxisConfig {
+    /// The address of its card, 1 to 7.
+    pub address: AxisNumber,
+    /// What people call it: lower-case letters, digits and `_`, beginning with a letter.
+    pub name: String,
+    /// The rail that the motor drives.
+    pub rail: RailConfig,
+    /// Where movements may end.
+    pub travel: TravelConfig,
+    /// How the origin is found.
+    #[serde(default)]
+    pub origination: OriginationConfig,
+    /// A ramp of its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ramp: Option<RampConfig>,
+}
+
+/// A rail, in steps e from its lower stop (e = 0) to its upper one (e = length), as in \[F\] Fig 3.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RailConfig {
+    /// em, the last step.
+    pub length: Steps,
+    /// e1: the lower limit zone is 0 < e ≤ e1. Its detector is the limit switch of the origination, so the origin is e1 + 1.
+    pub lower_zone: Steps,
+    /// e2: the upper limit zone is e2 ≤ e < em.
+    pub upper_zone: Steps,
+    /// eR, the reference step; about half a turn of the shaft from the lower zone.
+    pub reference: Steps,
+    /// Where the carriage stands when the set is switched on. The firmware does not know it.
+    pub start: Steps,
+}
+
+/// The permitted positions, in steps from the origin.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TravelConfig {
+    /// The lowest.
+    pub min: Position,
+    /// The highest.
+    pub max: Position,
+}
+
+/// How the origin is found.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct OriginationConfig {
+    /// The ceiling of the approach to the limit switch, an index into the ramp table.
+    pub speed: SpeedIndex,
+}
+
+impl Default for OriginationConfig {
+    fn default() -> Self {
+        Self { speed: SpeedIndex::new(90).unwrap_or(SpeedIndex::START) }
+    }
+}
+
+/// The digital cards and what is wired to them.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct DigitalConfig {
+    /// Named lines of the output card.
+    #[serde(rename = "output")]
+    pub outputs: Vec<OutputConfig>,
+    /// Named lines of the input card.
+    #[serde(rename = "input")]
+    pub inputs: Vec<InputConfig>,
+}
+
+/// A line of the output card.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct OutputConfig {
+    /// 0 to 15.
+    pub bit: u8,
+    /// What people call it.
+    pub name: String,
+}
+
+/// A line of the input card.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct InputConfig {
+    /// 0 to 15.
+    pub bit: u8,
+    /// What people call it.
+    pub name: String,
+    /// The output that this input follows, as a gripper's closed contact follows its valve.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub follows: Option<String>,
+    /// Milliseconds of machine time from the output to the input.
+    #[serde(default)]
+    pub delay_ms: u32,
+    /// The level at switch-on.
+    #[serde(default)]
+    pub initial: bool,
+}
+
+impl Config {
+    /// The axis with this number.
+    #[must_use]
+    pub fn axis(&self, number: AxisNumber) -> Option<&AxisConfig> {
+        self.axes.iter().find(|axis| axis.address == number)
+    }
+
+    /// The axis that people name so: by its name, or by its number in digits.
+    #[must_use]
+    pub fn find_axis(&self, name: &str) -> Option<&AxisConfig> {
+        let number = name.parse::<u8>().ok().and_then(AxisNumber::new);
+        self.axes.iter().find(|axis| axis.name == name || Some(axis.address) == number)
+    }
+
+    /// The ramp of an axis: its own, or the set's.
+    #[must_use]
+    pub fn ramp_of<'a>(&'a self, axis: &'a AxisConfig) -> &'a RampConfig {
+        axis.ramp.as_ref().unwrap_or(&self.ramp)
+    }
+}
