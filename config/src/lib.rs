@@ -4,10 +4,8 @@
 //! holds a [`Config`] may rely on it: every rule is checked on loading, and an error names file, line, column and
 //! key. Nothing in here moves, waits or talks to anybody.
 
-mod load;
 mod model;
 
-pub use load::{ConfigError, DEFAULT_TOML, Source};
 pub use model::{
     AxisConfig, Config, DigitalConfig, ExecutiveConfig, InputConfig, LineConfig, LogConfig, OriginationConfig,
     OutputConfig, RailConfig, RampConfig, ShortMoves, SupervisionConfig, TravelConfig,
