@@ -62,7 +62,10 @@ pub struct Broadcast {
 
 impl From<Command> for Broadcast {
     fn from(command: Command) -> Self {
-        Self { bytes: command.encode(), at: None }
+        Self {
+            bytes: command.encode(),
+            at: None,
+        }
     }
 }
 
@@ -134,3 +137,6 @@ impl Frame {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -159,7 +159,9 @@ impl fmt::Display for End {
 }
 
 /// Why an axis is locked until it is cleared. The order is on the wire: new ones come last.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema, thiserror::Error)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema, thiserror::Error,
+)]
 #[serde(rename_all = "snake_case")]
 pub enum Alarm {
     /// A Brake command.
@@ -186,4 +188,71 @@ pub enum Alarm {
     /// Frames for this card were lost on the bus.
     #[error("{0} command frames were lost on the bus")]
     FramesLost(u32),
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn word(points: &[SensePoint]) -> StatusWord {
+        points
+            .iter()
+            .fold(StatusWord::default(), |word, &point| word.with(point, true))
+    }
+
+    #[test]
+    fn a_status_word_prints_x1_first() {
+        assert_eq!(word(&[]).to_string(), "00000");
+        assert_eq!(word(&[SensePoint::X1]).to_string(), "10000");
+        assert_eq!(word(&[SensePoint::X4]).to_string(), "00010");
+        assert_eq!(word(&[SensePoint::X2, SensePoint::X5]).to_string(), "01001");
+        assert_eq!(word(&SensePoint::ALL).to_string(), "11111");
+        assert_eq!(format!("{:?}", word(&[SensePoint::X3])), "X00100");
+        assert_eq!(format!("{:>7}", word(&[SensePoint::X3])), "  00100");
+    }
+
+    #[test]
+    fn success_is_0001_open_loop_and_00011_closed_loop() {
+        for bits in 0..32_u8 {
+            let points: Vec<_> = SensePoint::ALL
+                .into_iter()
+                .filter(|&point| bits & (1 << point as u8) != 0)
+                .collect();
+            let word = word(&points);
+            let printed = word.to_string();
+            assert_eq!(
+                word.is_open_loop_success(),
+                printed.starts_with("0001"),
+                "{printed}"
+            );
+            assert_eq!(
+                word.is_closed_loop_success(),
+                printed == "00011",
+                "{printed}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_sense_point_can_be_cleared_alone() {
+        let word = word(&SensePoint::ALL).with(SensePoint::X2, false);
+        assert!(!word.has(SensePoint::X2));
+        assert_eq!(word.to_string(), "10111");
+    }
+
+    #[test]
+    fn alarms_say_what_happened_in_figures() {
+        assert_eq!(
+            Alarm::EndOfRail(End::Upper).to_string(),
+            "upper end of the rail"
+        );
+        assert_eq!(
+            Alarm::SwitchNeverClosed(Steps(60_000)).to_string(),
+            "the limit switch did not close within 60000 steps"
+        );
+        assert_eq!(
+            Alarm::FramesLost(3).to_string(),
+            "3 command frames were lost on the bus"
+        );
+    }
 }

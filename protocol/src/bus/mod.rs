@@ -17,18 +17,58 @@
 //! No reader, dead, stopped or slow, can stop a sender: a full buffer loses frames, the receiver sees the gap in
 //! the sequence numbers, and that is an alarm.
 
+use std::fmt;
+use std::sync::Arc;
 use std::time::Duration;
 
+use crate::MAX_FRAME_BYTES;
 use crate::units::Address;
+
+pub mod in_process;
+mod line;
+pub mod shared_memory;
+
+/// How many frames a reader may leave unread before further ones are lost to it.
+pub const BUFFER_FRAMES: usize = 4096;
+
+/// One set's bus, as seen by a process that wants ports on it. Ports live on when this value is dropped; frames
+/// sent before a port was made are not heard by it.
+pub trait Bus {
+    /// A port's sending half.
+    type Transmit: Transmit;
+    /// A port's receiving half.
+    type Receive: Receive;
+    /// The recorder's end.
+    type Tap: Tap;
+
+    /// The CCU's port: sends commands, hears answers. A set has one.
+    ///
+    /// # Errors
+    /// If the carrier cannot make the port.
+    fn ccu(&self) -> Result<(Self::Transmit, Self::Receive), BusError>;
+
+    /// A card's port: hears all commands, sends answers. Addresses 8 and 9 are one process and share one line.
+    ///
+    /// # Errors
+    /// If `address` is not that of one card (1 ..= 9), or the carrier cannot make the port.
+    fn card(&self, address: Address) -> Result<(Self::Transmit, Self::Receive), BusError>;
+
+    /// A silent reader of commands and answers.
+    ///
+    /// # Errors
+    /// If the carrier cannot make the port.
+    fn tap(&self) -> Result<Self::Tap, BusError>;
+}
 
 /// Whom a sent frame wakes. A frame reaches everybody; waking is only for whom it concerns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Wake {
     /// It can wait until the readers look for themselves.
     Nobody,
-    /// DATA READY of one card.
+    /// DATA READY of the card with this address, of the seven axes for [`Address::EVERYONE`], of nobody for an
+    /// address that no card has.
     Card(Address),
-    /// DATA READY of every card; for a card, ANSWER READY.
+    /// DATA READY of every card. A card has one line to raise, ANSWER READY, and raises it by anything but `Nobody`.
     Everyone,
 }
 
@@ -37,7 +77,8 @@ pub trait Transmit: Send {
     /// Puts the bytes of one frame on the bus; never blocks on a reader.
     ///
     /// # Errors
-    /// If the bus itself fails; a reader that misses the frame is not an error here.
+    /// If the frame is longer than [`MAX_FRAME_BYTES`], or the bus itself fails; a reader that misses the frame is
+    /// not an error here.
     fn send(&mut self, frame: &[u8], wake: Wake) -> Result<(), BusError>;
 }
 
@@ -54,6 +95,30 @@ pub trait Receive: Send {
     /// # Errors
     /// If the bus itself fails.
     fn wait(&mut self, limit: Duration) -> Result<(), BusError>;
+
+    /// What ends this port's `wait` from another thread of the same process.
+    fn waker(&self) -> Waker;
+}
+
+/// Ends the `wait` of one port, or the next one if the port is not waiting now.
+#[derive(Clone)]
+pub struct Waker(Arc<dyn Fn() + Send + Sync>);
+
+impl Waker {
+    fn new(raise: impl Fn() + Send + Sync + 'static) -> Self {
+        Self(Arc::new(raise))
+    }
+
+    /// Raises the port's line. Does nothing when the port is gone.
+    pub fn wake(&self) {
+        (self.0)();
+    }
+}
+
+impl fmt::Debug for Waker {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Waker")
+    }
 }
 
 /// Which of the two services a frame was seen on.
@@ -95,9 +160,34 @@ pub enum BusError {
         reason: String,
     },
     /// A frame that is longer than any frame may be.
-    #[error("{bytes} bytes are too many for a frame (at most {max})", max = crate::MAX_FRAME_BYTES)]
+    #[error("{bytes} bytes are too many for a frame (at most {max})", max = MAX_FRAME_BYTES)]
     TooLong {
         /// Its length.
         bytes: usize,
     },
+}
+
+impl BusError {
+    fn open(what: &'static str, reason: impl fmt::Display) -> Self {
+        Self::Open {
+            what,
+            reason: reason.to_string(),
+        }
+    }
+
+    fn broken(what: &'static str, reason: impl fmt::Display) -> Self {
+        Self::Broken {
+            what,
+            reason: reason.to_string(),
+        }
+    }
+}
+
+/// Both carriers refuse what no receiver would take.
+fn check_length(frame: &[u8]) -> Result<(), BusError> {
+    if frame.len() > MAX_FRAME_BYTES {
+        Err(BusError::TooLong { bytes: frame.len() })
+    } else {
+        Ok(())
+    }
 }

@@ -1,0 +1,133 @@
+//! The ports of the shared-memory bus: iceoryx2's publishers, subscribers, notifiers and listeners behind the bus's
+//! traits. They move bytes and raise lines; which service is which, the parent module decides.
+
+use std::time::Duration;
+
+use iceoryx2::port::listener::Listener;
+use iceoryx2::port::notifier::Notifier;
+use iceoryx2::port::publisher::Publisher;
+use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::prelude::ipc_threadsafe;
+use iceoryx2_bb_posix::file_descriptor_set::{
+    FileDescriptorSet, FileDescriptorSetWaitError, FileEvent,
+};
+
+use super::super::line::Line;
+use super::super::{BusError, Lane, Receive, Tap, Transmit, Wake, Waker, check_length};
+
+/// iceoryx2 between processes, with ports that may move between threads.
+pub(super) type Carrier = ipc_threadsafe::Service;
+
+/// The longest single sleep in the kernel; `wait` may return early.
+const LONGEST_SLEEP: Duration = Duration::from_secs(3600);
+
+/// The sending half of a port.
+#[derive(Debug)]
+pub struct SharedTransmit {
+    /// In the order in which their readers get a frame.
+    pub(super) publishers: Vec<Publisher<Carrier, [u8], ()>>,
+    /// The lines that this port may raise.
+    pub(super) lines: Vec<(Line, Notifier<Carrier>)>,
+}
+
+impl Transmit for SharedTransmit {
+    fn send(&mut self, frame: &[u8], wake: Wake) -> Result<(), BusError> {
+        check_length(frame)?;
+        for publisher in &self.publishers {
+            let sample = publisher
+                .loan_slice_uninit(frame.len())
+                .map_err(|error| BusError::broken("find room for a frame", error))?;
+            sample
+                .write_from_slice(frame)
+                .send()
+                .map_err(|error| BusError::broken("send a frame", error))?;
+        }
+        for (line, notifier) in &self.lines {
+            if line.is_raised_by(wake) {
+                notifier
+                    .notify()
+                    .map_err(|error| BusError::broken("raise a line", error))?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The receiving half of a port.
+#[derive(Debug)]
+pub struct SharedReceive {
+    pub(super) subscriber: Subscriber<Carrier, [u8], ()>,
+    pub(super) listener: Listener<Carrier>,
+    pub(super) waker: Waker,
+}
+
+impl SharedReceive {
+    /// Takes back what has been raised; whether anything had been.
+    fn lower(&self) -> Result<bool, BusError> {
+        let raised = self
+            .listener
+            .try_wait(|_| ())
+            .map_err(|error| BusError::broken("read a line", error))?;
+        Ok(raised > 0)
+    }
+}
+
+impl Receive for SharedReceive {
+    fn receive(&mut self) -> Result<Option<Vec<u8>>, BusError> {
+        next(&self.subscriber)
+    }
+
+    fn wait(&mut self, limit: Duration) -> Result<(), BusError> {
+        if self.lower()? {
+            return Ok(());
+        }
+        // The listener's own timed wait counts in the kernel's ticks, 4 ms and more; `select` counts in microseconds.
+        // Its descriptor is among the process's first, well below the 1024 that `select` can take.
+        let set = FileDescriptorSet::new();
+        let _attached = set
+            .add(&self.listener)
+            .map_err(|error| BusError::broken("watch a line", format!("{error:?}")))?;
+        match set.timed_wait(limit.min(LONGEST_SLEEP), FileEvent::Read, |_| ()) {
+            Ok(_) | Err(FileDescriptorSetWaitError::Interrupt) => self.lower().map(|_| ()),
+            Err(error) => Err(BusError::broken("wait for a line", format!("{error:?}"))),
+        }
+    }
+
+    fn waker(&self) -> Waker {
+        self.waker.clone()
+    }
+}
+
+/// A silent reader of both lanes.
+#[derive(Debug)]
+pub struct SharedTap {
+    pub(super) commands: Subscriber<Carrier, [u8], ()>,
+    pub(super) answers: Subscriber<Carrier, [u8], ()>,
+}
+
+impl Tap for SharedTap {
+    fn drain(&mut self, each: &mut dyn FnMut(Lane, &[u8])) -> Result<usize, BusError> {
+        // Answers are taken first and handed over last: whatever they answer is among the commands taken after them,
+        // because the CCU gives a command to the taps before any card.
+        let mut answers = Vec::new();
+        while let Some(answer) = next(&self.answers)? {
+            answers.push(answer);
+        }
+        let mut commands = 0;
+        while let Some(command) = next(&self.commands)? {
+            each(Lane::Commands, &command);
+            commands += 1;
+        }
+        for answer in &answers {
+            each(Lane::Answers, answer);
+        }
+        Ok(commands + answers.len())
+    }
+}
+
+fn next(subscriber: &Subscriber<Carrier, [u8], ()>) -> Result<Option<Vec<u8>>, BusError> {
+    let sample = subscriber
+        .receive()
+        .map_err(|error| BusError::broken("receive a frame", error))?;
+    Ok(sample.map(|sample| sample.payload().to_vec()))
+}
