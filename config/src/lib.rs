@@ -1,12 +1,28 @@
 //! What a set is made of, typed and validated: axes, rails, ramps, digital lines, supervision.
 //!
 //! The values come from a TOML text; the seven-axis SUPERSIGMA set is compiled in ([`DEFAULT_TOML`]). Whoever
-//! holds a [`Config`] may rely on it: every rule is checked on loading, and an error names file, line, column and
-//! key. Nothing in here moves, waits or talks to anybody.
+//! holds a loaded [`Config`] may rely on it: every rule is checked on loading, and an error names file, line, column
+//! and key. Nothing in here moves, waits or talks to anybody.
 
+mod deserialize;
+mod document;
+mod fault;
+mod load;
 mod model;
+mod problem;
+mod ramp;
+mod rules;
+mod schema;
+#[cfg(test)]
+mod tests;
 
+pub use document::KeyPath;
+pub use fault::{ConfigError, Fault};
+pub use load::DEFAULT_TOML;
 pub use model::{
-    AxisConfig, Config, DigitalConfig, ExecutiveConfig, InputConfig, LineConfig, LogConfig, OriginationConfig,
-    OutputConfig, RailConfig, RampConfig, ShortMoves, SupervisionConfig, TravelConfig,
+    AxisConfig, Config, DigitalConfig, ExecutiveConfig, InputConfig, LineConfig, LogConfig,
+    OriginationConfig, OutputConfig, RailConfig, RampConfig, ShortMoves, SupervisionConfig,
+    TravelConfig,
 };
+pub use problem::Problem;
+pub use ramp::{RampError, SPEEDS};

@@ -1,4 +1,4 @@
-//! The shape of the configuration. Rules that need more than one value are in `load`, which checks them.
+//! The shape of the configuration. Rules that need more than one value are in `rules`.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -25,6 +25,7 @@ pub struct Config {
     pub log: LogConfig,
     /// One to seven axes, each with its own address and name.
     #[serde(rename = "axis")]
+    #[schemars(length(min = 1, max = 7))]
     pub axes: Vec<AxisConfig>,
     /// The digital input and output cards.
     #[serde(default)]
@@ -45,10 +46,13 @@ pub struct RampConfig {
     /// Radians.
     pub phase: f64,
     /// Ticks of 0.5 µs from one entry of the table to the next: 2 580 is the paper's 1.29 ms.
+    #[schemars(range(min = 1))]
     pub interval_ticks: u32,
     /// The same for an emergency stop: shorter, so that the same table makes a steeper ramp.
+    #[schemars(range(min = 1))]
     pub brake_interval_ticks: u32,
-    /// Steps kept in reserve between the computed end of the deceleration and the target.
+    /// Steps kept in reserve between the computed end of the deceleration and the target, 65 535 at most.
+    #[schemars(range(max = 65_535))]
     pub offset: u32,
     /// How movements too short for the whole ramp are made.
     pub short_moves: ShortMoves,
@@ -83,6 +87,7 @@ pub enum ShortMoves {
 #[serde(deny_unknown_fields, default)]
 pub struct LineConfig {
     /// Real milliseconds from the start command to the common start tick.
+    #[schemars(range(min = 1))]
     pub lead_ms: u32,
 }
 
@@ -97,14 +102,19 @@ impl Default for LineConfig {
 #[serde(deny_unknown_fields, default)]
 pub struct ExecutiveConfig {
     /// Real milliseconds within which a card must answer a command.
+    #[schemars(range(min = 1))]
     pub answer_ms: u32,
     /// Real milliseconds beyond the planned end after which a movement is overdue.
+    #[schemars(range(min = 1))]
     pub overdue_ms: u32,
 }
 
 impl Default for ExecutiveConfig {
     fn default() -> Self {
-        Self { answer_ms: 500, overdue_ms: 500 }
+        Self {
+            answer_ms: 500,
+            overdue_ms: 500,
+        }
     }
 }
 
@@ -113,14 +123,19 @@ impl Default for ExecutiveConfig {
 #[serde(deny_unknown_fields, default)]
 pub struct SupervisionConfig {
     /// Real milliseconds between two heartbeats of a card.
+    #[schemars(range(min = 1))]
     pub heartbeat_ms: u32,
-    /// Real milliseconds of silence after which a card counts as hung.
+    /// Real milliseconds of silence after which a card counts as hung: more than two heartbeats.
+    #[schemars(range(min = 1))]
     pub silent_ms: u32,
 }
 
 impl Default for SupervisionConfig {
     fn default() -> Self {
-        Self { heartbeat_ms: 100, silent_ms: 450 }
+        Self {
+            heartbeat_ms: 100,
+            silent_ms: 450,
+        }
     }
 }
 
@@ -129,6 +144,7 @@ impl Default for SupervisionConfig {
 #[serde(deny_unknown_fields, default)]
 pub struct LogConfig {
     /// Real milliseconds after which what was recorded is on disk, readable.
+    #[schemars(range(min = 1))]
     pub flush_ms: u32,
 }
 
@@ -143,8 +159,10 @@ impl Default for LogConfig {
 #[serde(deny_unknown_fields)]
 pub struct AxisConfig {
     /// The address of its card, 1 to 7.
+    #[schemars(extend("minimum" = 1, "maximum" = 7))]
     pub address: AxisNumber,
     /// What people call it: lower-case letters, digits and `_`, beginning with a letter.
+    #[schemars(regex(pattern = "^[a-z][a-z0-9_]*$"))]
     pub name: String,
     /// The rail that the motor drives.
     pub rail: RailConfig,
@@ -153,7 +171,7 @@ pub struct AxisConfig {
     /// How the origin is found.
     #[serde(default)]
     pub origination: OriginationConfig,
-    /// A ramp of its own.
+    /// A ramp of its own. What it leaves out is as in the set's ramp.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ramp: Option<RampConfig>,
 }
@@ -162,7 +180,8 @@ pub struct AxisConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RailConfig {
-    /// em, the last step.
+    /// em, the last step: 65 535 at most, what one command can cross.
+    #[schemars(extend("maximum" = 65_535))]
     pub length: Steps,
     /// e1: the lower limit zone is 0 < e ≤ e1. Its detector is the limit switch of the origination, so the origin is e1 + 1.
     pub lower_zone: Steps,
@@ -178,9 +197,10 @@ pub struct RailConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TravelConfig {
-    /// The lowest.
+    /// The lowest: 0, the origin, or more.
+    #[schemars(extend("minimum" = 0))]
     pub min: Position,
-    /// The highest.
+    /// The highest: not in the upper limit zone.
     pub max: Position,
 }
 
@@ -188,13 +208,17 @@ pub struct TravelConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct OriginationConfig {
-    /// The ceiling of the approach to the limit switch, an index into the ramp table.
+    /// The ceiling of the approach to the limit switch, an index into the ramp table, 0 to 232. The carriage must be
+    /// able to stop inside the lower limit zone.
+    #[schemars(extend("maximum" = 232))]
     pub speed: SpeedIndex,
 }
 
 impl Default for OriginationConfig {
     fn default() -> Self {
-        Self { speed: SpeedIndex::new(90).unwrap_or(SpeedIndex::START) }
+        Self {
+            speed: SpeedIndex::new(90).unwrap_or(SpeedIndex::START),
+        }
     }
 }
 
@@ -214,9 +238,11 @@ pub struct DigitalConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct OutputConfig {
-    /// 0 to 15.
+    /// The line's place on the card, 0 to 15.
+    #[schemars(range(max = 15))]
     pub bit: u8,
-    /// What people call it.
+    /// What people call it: lower-case letters, digits and `_`, beginning with a letter.
+    #[schemars(regex(pattern = "^[a-z][a-z0-9_]*$"))]
     pub name: String,
 }
 
@@ -224,14 +250,16 @@ pub struct OutputConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct InputConfig {
-    /// 0 to 15.
+    /// The line's place on the card, 0 to 15.
+    #[schemars(range(max = 15))]
     pub bit: u8,
-    /// What people call it.
+    /// What people call it: lower-case letters, digits and `_`, beginning with a letter.
+    #[schemars(regex(pattern = "^[a-z][a-z0-9_]*$"))]
     pub name: String,
     /// The output that this input follows, as a gripper's closed contact follows its valve.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub follows: Option<String>,
-    /// Milliseconds of machine time from the output to the input.
+    /// Milliseconds of machine time from the output to the input; only with `follows`.
     #[serde(default)]
     pub delay_ms: u32,
     /// The level at switch-on.
@@ -250,7 +278,9 @@ impl Config {
     #[must_use]
     pub fn find_axis(&self, name: &str) -> Option<&AxisConfig> {
         let number = name.parse::<u8>().ok().and_then(AxisNumber::new);
-        self.axes.iter().find(|axis| axis.name == name || Some(axis.address) == number)
+        self.axes
+            .iter()
+            .find(|axis| axis.name == name || Some(axis.address) == number)
     }
 
     /// The ramp of an axis: its own, or the set's.

@@ -1,0 +1,171 @@
+//! From a file or a text to a [`Config`] that keeps all rules, and back to a text. The only room that opens a file.
+
+use std::fs;
+use std::path::Path;
+use std::sync::Arc;
+
+use miette::NamedSource;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use crate::document::{self, key_near, locate};
+use crate::fault::{ConfigError, Fault};
+use crate::problem::Problem;
+use crate::rules::{self, Finding};
+use crate::{Config, KeyPath, deserialize};
+
+/// The seven-axis SUPERSIGMA set, the text that people copy and change.
+pub const DEFAULT_TOML: &str = include_str!("../supersigma.toml");
+
+impl Config {
+    /// Reads and checks a file.
+    ///
+    /// # Errors
+    ///
+    /// [`ConfigError`]: the file cannot be read, is not TOML, does not fit the model, or breaks rules.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self, ConfigError> {
+        let path = path.as_ref();
+        let bytes = fs::read(path).map_err(|source| ConfigError::Unreadable {
+            path: path.to_owned(),
+            source,
+        })?;
+        let name = path.display().to_string();
+        match String::from_utf8(bytes) {
+            Ok(text) => Self::from_toml(&text, &name),
+            Err(error) => {
+                let offset = error.utf8_error().valid_up_to();
+                let text = String::from_utf8_lossy(error.as_bytes()).into_owned();
+                let span = offset..offset + char::REPLACEMENT_CHARACTER.len_utf8();
+                let key = key_near(&text, offset);
+                let text = NamedSource::new(name, Arc::from(text));
+                Err(ConfigError::One(Box::new(Fault::new(
+                    &text,
+                    key,
+                    &span,
+                    None,
+                    Problem::NotUtf8,
+                ))))
+            }
+        }
+    }
+
+    /// Reads and checks a text. `source_name` is what errors call it: a file, or where else it came from.
+    ///
+    /// An axis's own ramp has from the set's ramp what it leaves out.
+    ///
+    /// # Errors
+    ///
+    /// [`ConfigError`]: the first syntax error, the first value that does not fit the model, or all broken rules.
+    pub fn from_toml(text: &str, source_name: &str) -> Result<Self, ConfigError> {
+        let source = || NamedSource::new(source_name, Arc::<str>::from(text)).with_language("toml");
+        let mut root = document::parse(text).map_err(|error| {
+            let key = key_near(text, error.span.start);
+            let problem = Problem::Syntax {
+                reason: error.message,
+            };
+            ConfigError::One(Box::new(Fault::new(
+                &source(),
+                key,
+                &error.span,
+                None,
+                problem,
+            )))
+        })?;
+        inherit_ramp(&mut root);
+        let config: Self = deserialize::deserialize(&root).map_err(|mismatch| {
+            let span = mismatch.span.unwrap_or_default();
+            ConfigError::One(Box::new(Fault::new(
+                &source(),
+                mismatch.key,
+                &span,
+                None,
+                mismatch.problem,
+            )))
+        })?;
+        let findings = rules::check(&config);
+        if findings.is_empty() {
+            return Ok(config);
+        }
+        let source = source();
+        let mut faults: Vec<Fault> = findings
+            .into_iter()
+            .map(|finding| place(&source, &root, finding))
+            .collect();
+        faults.sort_by_key(|fault| (fault.line(), fault.column()));
+        Err(match <[Fault; 1]>::try_from(faults) {
+            Ok([fault]) => ConfigError::One(Box::new(fault)),
+            Err(faults) => ConfigError::Several(faults),
+        })
+    }
+
+    /// The compiled-in set, [`DEFAULT_TOML`].
+    ///
+    /// # Panics
+    ///
+    /// If [`DEFAULT_TOML`] is not valid, which the tests of this crate rule out.
+    #[must_use]
+    pub fn default_set() -> Self {
+        Self::from_toml(DEFAULT_TOML, "supersigma.toml")
+            .unwrap_or_else(|error| panic!("the built-in set: {error}"))
+    }
+
+    /// The effective configuration as TOML: every value is written out, defaults too. [`Config::from_toml`] gives the
+    /// same configuration back.
+    ///
+    /// # Panics
+    ///
+    /// Never: all of the model can be written as TOML, which the tests of this crate show.
+    #[must_use]
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self)
+            .unwrap_or_else(|error| panic!("a configuration that TOML cannot hold: {error}"))
+    }
+}
+
+/// Gives each axis's own ramp, in the tree, what it leaves out of the set's; so places stay true.
+fn inherit_ramp(root: &mut Spanned<DeValue<'_>>) {
+    let DeValue::Table(root) = root.get_mut() else {
+        return;
+    };
+    let Some(set_ramp) = root
+        .get("ramp")
+        .and_then(|ramp| ramp.get_ref().as_table())
+        .cloned()
+    else {
+        return;
+    };
+    let Some(DeValue::Array(elements)) = root.get_mut("axis").map(Spanned::get_mut) else {
+        return;
+    };
+    for element in elements.iter_mut() {
+        let DeValue::Table(axis) = element.get_mut() else {
+            continue;
+        };
+        if let Some(DeValue::Table(own)) = axis.get_mut("ramp").map(Spanned::get_mut) {
+            fill_up(own, &set_ramp);
+        }
+    }
+}
+
+fn fill_up<'i>(own: &mut DeTable<'i>, from: &DeTable<'i>) {
+    for (key, value) in from {
+        if !own.contains_key(key.get_ref().as_ref()) {
+            own.insert(key.clone(), value.clone());
+        }
+    }
+}
+
+/// Finds a broken rule's place: its value, or the other value when only that is written, or the table around it.
+fn place(text: &NamedSource<Arc<str>>, root: &Spanned<DeValue<'_>>, finding: Finding) -> Fault {
+    let Finding {
+        key,
+        other,
+        problem,
+    } = finding;
+    let find = |key: &KeyPath| locate(root, key);
+    let other = other.as_ref().and_then(|other| find(other).ok());
+    match (find(&key), other) {
+        (Ok(span), other) => Fault::new(text, key, &span, other.as_ref(), problem),
+        (Err(_), Some(span)) | (Err(span), None) => Fault::new(text, key, &span, None, problem),
+    }
+}

@@ -1,0 +1,329 @@
+//! Everything that can be wrong with a configuration, what it is called, and what to do about it.
+
+use thiserror::Error;
+
+use crate::RampError;
+
+/// What is wrong with one value. Where it stands is in the [`Fault`](crate::Fault) around it.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum Problem {
+    /// The file is not text.
+    #[error("this is not UTF-8 text")]
+    NotUtf8,
+    /// The text is not TOML.
+    #[error("this is not TOML: {reason}")]
+    Syntax {
+        /// What the parser says.
+        reason: String,
+    },
+    /// A key that means nothing.
+    #[error("there is no key `{key}` here")]
+    UnknownKey {
+        /// The key.
+        key: String,
+        /// Those that this table has.
+        expected: &'static [&'static str],
+    },
+    /// A word that is not one of a list.
+    #[error("{word:?} is not one of the words for this")]
+    UnknownWord {
+        /// The word.
+        word: String,
+        /// Those that are.
+        expected: &'static [&'static str],
+    },
+    /// A key that has no default is absent.
+    #[error("the key `{key}` is missing")]
+    MissingKey {
+        /// The key.
+        key: &'static str,
+    },
+    /// A value of another type.
+    #[error("{found} stands where {expected} is needed")]
+    WrongType {
+        /// What stands there.
+        found: String,
+        /// What belongs there.
+        expected: String,
+    },
+    /// A number outside its type.
+    #[error("{found} is not {expected}")]
+    OutOfRange {
+        /// What stands there.
+        found: String,
+        /// What belongs there.
+        expected: String,
+    },
+    /// A number outside what its quantity allows.
+    #[error("{reason}")]
+    Refused {
+        /// The quantity's own words.
+        reason: String,
+    },
+
+    /// A set without axes.
+    #[error("a set needs at least one axis")]
+    NoAxis,
+    /// More axes than there are addresses.
+    #[error("{count} axes are too many, a set has 1 to 7")]
+    TooManyAxes {
+        /// How many there are.
+        count: usize,
+    },
+    /// Two cards would answer to one address.
+    #[error("address {address} is already that of `{owner}`")]
+    AddressTaken {
+        /// The address.
+        address: u8,
+        /// The name of the axis that has it.
+        owner: String,
+    },
+    /// A name that cannot be told from a number, a word of the command line or another name.
+    #[error("{name:?} cannot be a name")]
+    BadName {
+        /// The name.
+        name: String,
+    },
+    /// Two things of one kind with one name.
+    #[error("the name `{name}` is already taken")]
+    NameTaken {
+        /// The name.
+        name: String,
+    },
+    /// A number that must not be 0.
+    #[error("this must not be 0")]
+    Zero,
+    /// Two values in the wrong order.
+    #[error("{value} is not more than `{below}`, which is {bound}")]
+    NotAbove {
+        /// The value.
+        value: u32,
+        /// The key of the value that it must exceed.
+        below: &'static str,
+        /// That value.
+        bound: u32,
+    },
+    /// A rail that no command can cross.
+    #[error("a rail of {length} steps is too long, one command moves 65 535 at most")]
+    RailTooLong {
+        /// Steps.
+        length: u32,
+    },
+    /// The carriage would stand beyond the end of its rail.
+    #[error("{start} is beyond the end of the rail, {length}")]
+    StartBeyondRail {
+        /// Steps from the lower stop.
+        start: u32,
+        /// The last step of the rail.
+        length: u32,
+    },
+    /// A permitted position in the lower limit zone.
+    #[error("position {min} lies in the lower limit zone")]
+    TravelBelowOrigin {
+        /// Steps from the origin.
+        min: i32,
+    },
+    /// No position is permitted.
+    #[error("{max} is less than `min`, {min}")]
+    TravelReversed {
+        /// The lowest position.
+        min: i32,
+        /// The highest one.
+        max: i32,
+    },
+    /// A permitted position in the upper limit zone or beyond it.
+    #[error(
+        "position {max} lies in the upper limit zone or beyond, the last one before it is {last}"
+    )]
+    TravelAboveRail {
+        /// Steps from the origin.
+        max: i32,
+        /// The last position below the upper limit zone.
+        last: i64,
+    },
+    /// The search for the origin would end at the lower stop, not at the limit switch.
+    #[error(
+        "from speed {speed} the carriage needs at least {needed} steps to stop, but the lower limit zone has {lower_zone}"
+    )]
+    OriginationTooFast {
+        /// The index into the ramp table.
+        speed: u8,
+        /// Steps of the steepest ramp down from it, the emergency stop's.
+        needed: u64,
+        /// Steps.
+        lower_zone: u32,
+    },
+    /// A ramp that cannot be played.
+    #[error("this ramp cannot be used: {0}")]
+    Ramp(#[from] RampError),
+    /// A card has sixteen lines.
+    #[error("there is no line {bit}, a card has the lines 0 to 15")]
+    NoSuchBit {
+        /// The number.
+        bit: u8,
+    },
+    /// Two names for one line.
+    #[error("line {bit} is already `{owner}`")]
+    BitTaken {
+        /// The line.
+        bit: u8,
+        /// Its first name.
+        owner: String,
+    },
+    /// An input follows nothing.
+    #[error("there is no output `{name}`")]
+    NoSuchOutput {
+        /// The name.
+        name: String,
+        /// The names that there are.
+        outputs: Vec<String>,
+    },
+    /// A delay with nothing to wait for.
+    #[error("a delay of {delay_ms} ms has no effect without `follows`")]
+    DelayWithoutCause {
+        /// Milliseconds.
+        delay_ms: u32,
+    },
+    /// A card would count as hung between two heartbeats.
+    #[error("{silent_ms} ms of silence is not more than two heartbeats of {heartbeat_ms} ms")]
+    SilenceTooShort {
+        /// Milliseconds.
+        silent_ms: u32,
+        /// Milliseconds.
+        heartbeat_ms: u32,
+    },
+}
+
+impl Problem {
+    /// What to do about it. `None` where only the meaning of the key helps.
+    #[must_use]
+    pub fn advice(&self) -> Option<String> {
+        let fixed = match self {
+            Self::UnknownKey { key, expected } => {
+                return Some(choose(key, expected.iter().copied(), "the keys here are"));
+            }
+            Self::UnknownWord { word, expected } => {
+                return Some(choose(word, expected.iter().copied(), "the words are"));
+            }
+            Self::NoSuchOutput { name, outputs } => {
+                return Some(choose(
+                    name,
+                    outputs.iter().map(String::as_str),
+                    "the outputs are",
+                ));
+            }
+            Self::TravelAboveRail { last, .. } => {
+                return Some(format!("set it to {last} or less, or lengthen the rail"));
+            }
+            Self::NotAbove { below, .. } => {
+                return Some(format!(
+                    "give a value above `{below}`; 0 < lower_zone < reference < upper_zone < length"
+                ));
+            }
+            Self::MissingKey { .. }
+            | Self::WrongType { .. }
+            | Self::OutOfRange { .. }
+            | Self::Refused { .. } => return None,
+            Self::NotUtf8 => "save the file as UTF-8",
+            Self::Syntax { .. } => {
+                "write it as `key = value`, strings in quotes, tables as [name], axes as [[axis]]"
+            }
+            Self::NoAxis => "add an [[axis]] table; `supersigma.toml` of the default set shows one",
+            Self::TooManyAxes { .. } => {
+                "remove the axes beyond the seventh: the addresses are 1 to 7"
+            }
+            Self::AddressTaken { .. } => "give each axis an address of its own, 1 to 7",
+            Self::BadName { .. } => {
+                "use lower-case letters, digits and `_`, begin with a letter, and do not use `all`"
+            }
+            Self::NameTaken { .. } => "give each a name of its own",
+            Self::Zero => "give 1 or more",
+            Self::RailTooLong { .. } => "give 65535 or less",
+            Self::StartBeyondRail { .. } => "start between 0 and `length`",
+            Self::TravelBelowOrigin { .. } => {
+                "give 0 or more; 0 is the origin, the first step out of the lower limit zone"
+            }
+            Self::TravelReversed { .. } => "exchange `min` and `max`, or correct one of them",
+            Self::OriginationTooFast { .. } => {
+                "lower `origination.speed`, or widen `rail.lower_zone`"
+            }
+            Self::Ramp(RampError::NotFinite { .. }) => "write a plain number",
+            Self::Ramp(RampError::NoInterval) => "the paper's 1.29 ms are 2580 ticks of 0.5 µs",
+            Self::Ramp(RampError::NoBrakeInterval | RampError::BrakeSlower { .. }) => {
+                "give it 1 or more, but no more than `interval_ticks`; a third of that is usual"
+            }
+            Self::Ramp(RampError::OffsetTooLong { .. }) => "give 65535 or less; the paper keeps 10",
+            Self::Ramp(RampError::Undividable { .. }) => {
+                "change `amplitude` (the top speed), or `phase` (with it, the lowest)"
+            }
+            Self::Ramp(RampError::SpeedFalls { .. }) => {
+                "keep omega · 232 · interval_ticks · 0.5 µs + phase at or below π/2, the top of the curve"
+            }
+            Self::Ramp(RampError::TooSteep { .. }) => {
+                "enlarge `phase` for a higher first speed, or make the interval shorter"
+            }
+            Self::NoSuchBit { .. } => "give 0 to 15",
+            Self::BitTaken { .. } => "give each line a bit of its own, 0 to 15",
+            Self::DelayWithoutCause { .. } => {
+                "name the output that it follows, or remove the delay"
+            }
+            Self::SilenceTooShort { .. } => {
+                "make `silent_ms` at least 2 · heartbeat_ms + 1, better four times as long"
+            }
+        };
+        Some(fixed.to_owned())
+    }
+
+    /// What a second place in the text has to do with it.
+    pub(crate) const fn about_the_other(&self) -> &'static str {
+        match self {
+            Self::AddressTaken { .. } | Self::NameTaken { .. } | Self::BitTaken { .. } => {
+                "first used here"
+            }
+            _ => "compared with this",
+        }
+    }
+}
+
+/// "did you mean", and the whole list.
+fn choose<'a>(wrong: &str, right: impl Iterator<Item = &'a str> + Clone, list_is: &str) -> String {
+    let nearest = right
+        .clone()
+        .map(|candidate| (strsim::damerau_levenshtein(wrong, candidate), candidate))
+        .min()
+        // A third of the letters may be wrong, and one always.
+        .filter(|(distance, candidate)| *distance <= (candidate.chars().count() / 3).max(1));
+    let all: Vec<String> = right.map(|candidate| format!("`{candidate}`")).collect();
+    let all = if all.is_empty() {
+        "none".to_owned()
+    } else {
+        all.join(", ")
+    };
+    match nearest {
+        Some((_, nearest)) => format!("did you mean `{nearest}`? {list_is} {all}"),
+        None => format!("{list_is} {all}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_near_words_are_suggested() {
+        let words = || ["length", "lower_zone", "start"].into_iter();
+        assert_eq!(
+            choose("lentgh", words(), "the keys are"),
+            "did you mean `length`? the keys are `length`, `lower_zone`, `start`"
+        );
+        assert_eq!(
+            choose("colour", words(), "the keys are"),
+            "the keys are `length`, `lower_zone`, `start`"
+        );
+        assert_eq!(
+            choose("x", std::iter::empty(), "the outputs are"),
+            "the outputs are none"
+        );
+    }
+}
