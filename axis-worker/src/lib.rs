@@ -1,3 +1,32 @@
-//! One SUPERSIGMA axis card: the pure machine (8253, ramp, firmware, mechanism) and the process round it.
+//! One SUPERSIGMA card: a pure machine (8253, ramp, firmware, mechanism) and the process round it.
+//!
+//! [`Card`] is the machine as the bus sees it. Everything it is made of is deterministic and without I/O: no clock, no
+//! floating point in the pulse path, no allocation per pulse. [`worker`] is the thin shell that gives it time and frames.
 
+mod axis;
+mod board;
+mod card;
+pub mod clock;
+mod digital;
+pub mod firmware;
+pub mod mechanism;
 pub mod pit8253;
+pub mod ramp;
+pub mod worker;
+
+pub use axis::Axis;
+pub use board::{Board, Sink};
+pub use card::Card;
+pub use digital::Digital;
+
+#[cfg(test)]
+mod tests;
+
+/// Writes what happens to standard error, as `RUST_LOG` asks for it; warnings and worse if it does not. For the first
+/// lines of a program.
+pub fn start_logging() {
+    let filter = tracing_subscriber::EnvFilter::try_from_default_env()
+        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn"));
+    let colours = std::io::IsTerminal::is_terminal(&std::io::stderr());
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_ansi(colours).init();
+}

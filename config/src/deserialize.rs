@@ -6,8 +6,7 @@ use std::ops::Range;
 
 use serde::de::value::StrDeserializer;
 use serde::de::{
-    self, DeserializeSeed, Error as _, Expected, IntoDeserializer, MapAccess, SeqAccess,
-    Unexpected, Visitor,
+    self, DeserializeSeed, Error as _, Expected, IntoDeserializer, MapAccess, SeqAccess, Unexpected, Visitor,
 };
 use serde::{Deserialize, forward_to_deserialize_any};
 use toml::Spanned;
@@ -26,9 +25,7 @@ pub(crate) struct Mismatch {
 }
 
 /// Reads a model from a tree.
-pub(crate) fn deserialize<'de, T: Deserialize<'de>>(
-    root: &Spanned<DeValue<'_>>,
-) -> Result<T, Box<Mismatch>> {
+pub(crate) fn deserialize<'de, T: Deserialize<'de>>(root: &Spanned<DeValue<'_>>) -> Result<T, Box<Mismatch>> {
     T::deserialize(Node(root)).map_err(|Boxed(mismatch)| mismatch)
 }
 
@@ -38,11 +35,7 @@ struct Boxed(Box<Mismatch>);
 
 impl Boxed {
     fn new(problem: Problem) -> Self {
-        Self(Box::new(Mismatch {
-            key: KeyPath::default(),
-            span: None,
-            problem,
-        }))
+        Self(Box::new(Mismatch { key: KeyPath::default(), span: None, problem }))
     }
 
     /// The innermost place is the right one, so the first to say it wins.
@@ -67,38 +60,23 @@ impl std::error::Error for Boxed {}
 
 impl de::Error for Boxed {
     fn custom<T: fmt::Display>(message: T) -> Self {
-        Self::new(Problem::Refused {
-            reason: message.to_string(),
-        })
+        Self::new(Problem::Refused { reason: message.to_string() })
     }
 
     fn invalid_type(found: Unexpected<'_>, expected: &dyn Expected) -> Self {
-        Self::new(Problem::WrongType {
-            found: describe(&found),
-            expected: in_words(&expected.to_string()),
-        })
+        Self::new(Problem::WrongType { found: describe(&found), expected: in_words(&expected.to_string()) })
     }
 
     fn invalid_value(found: Unexpected<'_>, expected: &dyn Expected) -> Self {
-        Self::new(Problem::OutOfRange {
-            found: describe(&found),
-            expected: in_words(&expected.to_string()),
-        })
+        Self::new(Problem::OutOfRange { found: describe(&found), expected: in_words(&expected.to_string()) })
     }
 
     fn unknown_variant(word: &str, expected: &'static [&'static str]) -> Self {
-        Self::new(Problem::UnknownWord {
-            word: word.to_owned(),
-            expected,
-        })
+        Self::new(Problem::UnknownWord { word: word.to_owned(), expected })
     }
 
     fn unknown_field(key: &str, expected: &'static [&'static str]) -> Self {
-        Self::new(Problem::UnknownKey {
-            key: key.to_owned(),
-            expected,
-        })
-        .inside(Segment::Key(key.to_owned()))
+        Self::new(Problem::UnknownKey { key: key.to_owned(), expected }).inside(Segment::Key(key.to_owned()))
     }
 
     fn missing_field(key: &'static str) -> Self {
@@ -144,31 +122,22 @@ impl Node<'_, '_> {
         match self.0.get_ref() {
             DeValue::String(text) => visitor.visit_str(text),
             DeValue::Boolean(value) => visitor.visit_bool(*value),
-            DeValue::Integer(number) => {
-                match i64::from_str_radix(number.as_str(), number.radix()) {
-                    Ok(number) => visitor.visit_i64(number),
-                    Err(_) => Err(Boxed::new(Problem::OutOfRange {
-                        found: number.to_string(),
-                        expected: "a whole number of 64 bits".to_owned(),
-                    })),
-                }
-            }
+            DeValue::Integer(number) => match i64::from_str_radix(number.as_str(), number.radix()) {
+                Ok(number) => visitor.visit_i64(number),
+                Err(_) => Err(Boxed::new(Problem::OutOfRange {
+                    found: number.to_string(),
+                    expected: "a whole number of 64 bits".to_owned(),
+                })),
+            },
             DeValue::Float(number) => match number.as_str().parse() {
                 Ok(number) => visitor.visit_f64(number),
-                Err(_) => Err(de::Error::invalid_value(
-                    Unexpected::Other(number.as_str()),
-                    &visitor,
-                )),
+                Err(_) => Err(de::Error::invalid_value(Unexpected::Other(number.as_str()), &visitor)),
             },
-            DeValue::Datetime(_) => Err(de::Error::invalid_type(
-                Unexpected::Other("a date or time"),
-                &visitor,
-            )),
+            DeValue::Datetime(_) => {
+                Err(de::Error::invalid_type(Unexpected::Other("a date or time"), &visitor))
+            }
             DeValue::Array(elements) => visitor.visit_seq(Elements(elements.iter().enumerate())),
-            DeValue::Table(table) => visitor.visit_map(Entries {
-                entries: table.iter(),
-                value: None,
-            }),
+            DeValue::Table(table) => visitor.visit_map(Entries { entries: table.iter(), value: None }),
         }
     }
 }
@@ -182,9 +151,7 @@ impl<'de> de::Deserializer<'de> for Node<'_, '_> {
 
     /// TOML has no null: what is there is some.
     fn deserialize_option<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Boxed> {
-        visitor
-            .visit_some(self)
-            .map_err(|error| error.at(self.0.span()))
+        visitor.visit_some(self).map_err(|error| error.at(self.0.span()))
     }
 
     fn deserialize_newtype_struct<V: Visitor<'de>>(
@@ -192,9 +159,7 @@ impl<'de> de::Deserializer<'de> for Node<'_, '_> {
         _: &'static str,
         visitor: V,
     ) -> Result<V::Value, Boxed> {
-        visitor
-            .visit_newtype_struct(self)
-            .map_err(|error| error.at(self.0.span()))
+        visitor.visit_newtype_struct(self).map_err(|error| error.at(self.0.span()))
     }
 
     /// A derived visitor would also take an array, whose values no one could tell apart.
@@ -205,9 +170,7 @@ impl<'de> de::Deserializer<'de> for Node<'_, '_> {
         visitor: V,
     ) -> Result<V::Value, Boxed> {
         match self.0.get_ref() {
-            DeValue::Array(_) => {
-                Err(Boxed::invalid_type(Unexpected::Seq, &visitor).at(self.0.span()))
-            }
+            DeValue::Array(_) => Err(Boxed::invalid_type(Unexpected::Seq, &visitor).at(self.0.span())),
             _ => self.deserialize_any(visitor),
         }
     }
@@ -222,9 +185,7 @@ impl<'de> de::Deserializer<'de> for Node<'_, '_> {
         match self.0.get_ref() {
             DeValue::String(word) => {
                 let word: StrDeserializer<'_, Boxed> = word.as_ref().into_deserializer();
-                visitor
-                    .visit_enum(word)
-                    .map_err(|error| error.at(self.0.span()))
+                visitor.visit_enum(word).map_err(|error| error.at(self.0.span()))
             }
             _ => self.deserialize_any(visitor),
         }
@@ -241,17 +202,12 @@ struct Elements<'a, 'i>(std::iter::Enumerate<std::slice::Iter<'a, Spanned<DeValu
 impl<'de> SeqAccess<'de> for Elements<'_, '_> {
     type Error = Boxed;
 
-    fn next_element_seed<T: DeserializeSeed<'de>>(
-        &mut self,
-        seed: T,
-    ) -> Result<Option<T::Value>, Boxed> {
+    fn next_element_seed<T: DeserializeSeed<'de>>(&mut self, seed: T) -> Result<Option<T::Value>, Boxed> {
         let Some((index, element)) = self.0.next() else {
             return Ok(None);
         };
         let value = seed.deserialize(Node(element));
-        value
-            .map(Some)
-            .map_err(|error| error.at(element.span()).inside(Segment::Index(index)))
+        value.map(Some).map_err(|error| error.at(element.span()).inside(Segment::Index(index)))
     }
 }
 
@@ -266,28 +222,20 @@ where
 {
     type Error = Boxed;
 
-    fn next_key_seed<K: DeserializeSeed<'de>>(
-        &mut self,
-        seed: K,
-    ) -> Result<Option<K::Value>, Boxed> {
+    fn next_key_seed<K: DeserializeSeed<'de>>(&mut self, seed: K) -> Result<Option<K::Value>, Boxed> {
         let Some((key, value)) = self.entries.next() else {
             return Ok(None);
         };
         self.value = Some((key, value));
         let name: StrDeserializer<'_, Boxed> = key.get_ref().as_ref().into_deserializer();
-        seed.deserialize(name)
-            .map(Some)
-            .map_err(|error| error.at(key.span()))
+        seed.deserialize(name).map(Some).map_err(|error| error.at(key.span()))
     }
 
     fn next_value_seed<V: DeserializeSeed<'de>>(&mut self, seed: V) -> Result<V::Value, Boxed> {
         let Some((key, value)) = self.value.take() else {
             return Err(Boxed::custom("a value was asked for before its key"));
         };
-        seed.deserialize(Node(value)).map_err(|error| {
-            error
-                .at(value.span())
-                .inside(Segment::Key(key.get_ref().to_string()))
-        })
+        seed.deserialize(Node(value))
+            .map_err(|error| error.at(value.span()).inside(Segment::Key(key.get_ref().to_string())))
     }
 }

@@ -63,9 +63,7 @@ impl fmt::Display for KeyPath {
                         f.write_str(".")?;
                     }
                     if !key.is_empty()
-                        && key
-                            .chars()
-                            .all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-')
+                        && key.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-')
                     {
                         f.write_str(key)?;
                     } else {
@@ -87,10 +85,7 @@ pub(crate) struct SyntaxError {
 /// Parses a text into its spanned tree.
 pub(crate) fn parse(text: &str) -> Result<Spanned<DeValue<'_>>, SyntaxError> {
     match DeTable::parse(text) {
-        Ok(table) => Ok(Spanned::new(
-            table.span(),
-            DeValue::Table(table.into_inner()),
-        )),
+        Ok(table) => Ok(Spanned::new(table.span(), DeValue::Table(table.into_inner()))),
         Err(error) => Err(SyntaxError {
             message: error.message().to_owned(),
             span: error.span().unwrap_or(text.len()..text.len()),
@@ -99,10 +94,7 @@ pub(crate) fn parse(text: &str) -> Result<Spanned<DeValue<'_>>, SyntaxError> {
 }
 
 /// The place of a value; `Err` with that of the nearest table around it when the text does not mention it.
-pub(crate) fn locate(
-    root: &Spanned<DeValue<'_>>,
-    path: &KeyPath,
-) -> Result<Range<usize>, Range<usize>> {
+pub(crate) fn locate(root: &Spanned<DeValue<'_>>, path: &KeyPath) -> Result<Range<usize>, Range<usize>> {
     let mut here = root;
     for segment in path.segments() {
         let next = match segment {
@@ -118,10 +110,7 @@ pub(crate) fn locate(
 pub(crate) fn line_and_column(text: &str, offset: usize) -> (usize, usize) {
     let before = &text[..floor_char_boundary(text, offset)];
     let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
-    (
-        before.matches('\n').count() + 1,
-        before[line_start..].chars().count() + 1,
-    )
+    (before.matches('\n').count() + 1, before[line_start..].chars().count() + 1)
 }
 
 /// The nearest place at or before `offset` where a character begins.
@@ -137,21 +126,14 @@ pub(crate) fn floor_char_boundary(text: &str, offset: usize) -> usize {
 /// last header above it. A guess for people, made from lines alone, since there is no tree.
 pub(crate) fn key_near(text: &str, offset: usize) -> KeyPath {
     let offset = floor_char_boundary(text, offset);
-    let line_end = text[offset..]
-        .find('\n')
-        .map_or(text.len(), |newline| offset + newline);
+    let line_end = text[offset..].find('\n').map_or(text.len(), |newline| offset + newline);
     let mut path = KeyPath::default();
     let mut elements: Vec<&str> = Vec::new();
     for line in text[..line_end].lines() {
         let Some(header) = line.trim_start().strip_prefix('[') else {
             continue;
         };
-        let name = header
-            .trim_start_matches('[')
-            .split([']', '#'])
-            .next()
-            .unwrap_or_default()
-            .trim();
+        let name = header.trim_start_matches('[').split([']', '#']).next().unwrap_or_default().trim();
         if header.starts_with('[') {
             elements.push(name);
         }
@@ -163,28 +145,17 @@ pub(crate) fn key_near(text: &str, offset: usize) -> KeyPath {
             }
             so_far.push_str(key);
             path = path.key(key);
-            if let Some(last) = elements
-                .iter()
-                .filter(|element| **element == so_far)
-                .count()
-                .checked_sub(1)
-            {
+            if let Some(last) = elements.iter().filter(|element| **element == so_far).count().checked_sub(1) {
                 path = path.index(last);
             }
         }
     }
-    let line = text[..line_end]
-        .lines()
-        .next_back()
-        .unwrap_or_default()
-        .trim_start();
+    let line = text[..line_end].lines().next_back().unwrap_or_default().trim_start();
     let key = line.split(['=', '#']).next().unwrap_or_default().trim();
     if key.is_empty() || line.starts_with('[') {
         return path;
     }
-    key.split('.').fold(path, |path, key| {
-        path.key(key.trim().trim_matches(['"', '\'']))
-    })
+    key.split('.').fold(path, |path, key| path.key(key.trim().trim_matches(['"', '\''])))
 }
 
 #[cfg(test)]
@@ -204,31 +175,17 @@ mod tests {
     #[test]
     fn values_are_found_by_their_path() {
         let text = TEXT.replace("length = \n", "length = 7\n");
-        let Ok(root) = parse(&text) else {
-            panic!("this is TOML")
-        };
-        let path = KeyPath::default()
-            .key("axis")
-            .index(1)
-            .key("rail")
-            .key("length");
+        let Ok(root) = parse(&text) else { panic!("this is TOML") };
+        let path = KeyPath::default().key("axis").index(1).key("rail").key("length");
         assert_eq!(locate(&root, &path).map(|span| &text[span]), Ok("7"));
         assert_eq!(path.to_string(), "axis[1].rail.length");
-        let absent = KeyPath::default()
-            .key("axis")
-            .index(1)
-            .key("rail")
-            .key("start");
-        assert_eq!(
-            locate(&root, &absent).map_err(|span| &text[span]),
-            Err("[axis.rail]")
-        );
+        let absent = KeyPath::default().key("axis").index(1).key("rail").key("start");
+        assert_eq!(locate(&root, &absent).map_err(|span| &text[span]), Err("[axis.rail]"));
     }
 
     #[test]
     fn broken_text_still_has_a_nearest_key() {
-        let near =
-            |needle: &str| key_near(TEXT, TEXT.find(needle).expect("in the text")).to_string();
+        let near = |needle: &str| key_near(TEXT, TEXT.find(needle).expect("in the text")).to_string();
         assert_eq!(near("4.5"), "ramp.omega");
         assert_eq!(near("ä"), "axis[0].name");
         assert_eq!(near("axis.rail"), "axis[1].rail");

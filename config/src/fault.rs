@@ -49,16 +49,10 @@ impl ConfigError {
 }
 
 fn summary(faults: &[Fault]) -> String {
-    let places: Vec<String> = faults
-        .iter()
-        .map(|fault| format!("{}:{} {}", fault.line, fault.column, fault.key))
-        .collect();
+    let places: Vec<String> =
+        faults.iter().map(|fault| format!("{}:{} {}", fault.line, fault.column, fault.key)).collect();
     let file = faults.first().map_or("", |fault| fault.text.name());
-    format!(
-        "{file} has {} faults, at {}",
-        faults.len(),
-        places.join(", ")
-    )
+    format!("{file} has {} faults, at {}", faults.len(), places.join(", "))
 }
 
 /// One thing that is wrong, and where.
@@ -83,26 +77,17 @@ impl Fault {
     ) -> Self {
         let (line, column) = line_and_column(text.inner(), span.start);
         let whole_characters = |span: &Range<usize>| {
-            let [start, end] =
-                [span.start, span.end].map(|end| floor_char_boundary(text.inner(), end));
+            let [start, end] = [span.start, span.end].map(|end| floor_char_boundary(text.inner(), end));
             SourceSpan::from(start..end.max(start))
         };
         // The drawing is headed by the place of its primary label.
-        let here =
-            LabeledSpan::new_primary_with_span(Some("here".to_owned()), whole_characters(span));
+        let here = LabeledSpan::new_primary_with_span(Some("here".to_owned()), whole_characters(span));
         let there = other.map(|other| {
             let words = problem.about_the_other().to_owned();
             LabeledSpan::new_with_span(Some(words), whole_characters(other))
         });
         let labels = [here].into_iter().chain(there).collect();
-        Self {
-            text: text.clone(),
-            key,
-            line,
-            column,
-            labels,
-            problem,
-        }
+        Self { text: text.clone(), key, line, column, labels, problem }
     }
 
     /// The file, or what else the text was said to be.
@@ -138,13 +123,9 @@ impl Fault {
     /// What to do about it, and what the key means where that helps.
     #[must_use]
     pub fn advice(&self) -> Option<String> {
-        self.problem.advice().or_else(|| {
-            Some(format!(
-                "`{}` means: {}",
-                self.key,
-                schema::meaning(&self.key)?
-            ))
-        })
+        self.problem
+            .advice()
+            .or_else(|| Some(format!("`{}` means: {}", self.key, schema::meaning(&self.key)?)))
     }
 }
 
@@ -162,8 +143,7 @@ impl error::Error for Fault {}
 
 impl Diagnostic for Fault {
     fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
-        self.advice()
-            .map(|advice| Box::new(advice) as Box<dyn fmt::Display>)
+        self.advice().map(|advice| Box::new(advice) as Box<dyn fmt::Display>)
     }
 
     fn source_code(&self) -> Option<&dyn SourceCode> {

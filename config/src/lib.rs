@@ -21,8 +21,7 @@ pub use fault::{ConfigError, Fault};
 pub use load::DEFAULT_TOML;
 pub use model::{
     AxisConfig, Config, DigitalConfig, ExecutiveConfig, InputConfig, LineConfig, LogConfig,
-    OriginationConfig, OutputConfig, RailConfig, RampConfig, ShortMoves, SupervisionConfig,
-    TravelConfig,
+    OriginationConfig, OutputConfig, RailConfig, RampConfig, ShortMoves, SupervisionConfig, TravelConfig,
 };
 pub use problem::Problem;
 pub use ramp::{RampError, SPEEDS};

@@ -25,10 +25,8 @@ impl Config {
     /// [`ConfigError`]: the file cannot be read, is not TOML, does not fit the model, or breaks rules.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, ConfigError> {
         let path = path.as_ref();
-        let bytes = fs::read(path).map_err(|source| ConfigError::Unreadable {
-            path: path.to_owned(),
-            source,
-        })?;
+        let bytes =
+            fs::read(path).map_err(|source| ConfigError::Unreadable { path: path.to_owned(), source })?;
         let name = path.display().to_string();
         match String::from_utf8(bytes) {
             Ok(text) => Self::from_toml(&text, &name),
@@ -38,13 +36,7 @@ impl Config {
                 let span = offset..offset + char::REPLACEMENT_CHARACTER.len_utf8();
                 let key = key_near(&text, offset);
                 let text = NamedSource::new(name, Arc::from(text));
-                Err(ConfigError::One(Box::new(Fault::new(
-                    &text,
-                    key,
-                    &span,
-                    None,
-                    Problem::NotUtf8,
-                ))))
+                Err(ConfigError::One(Box::new(Fault::new(&text, key, &span, None, Problem::NotUtf8))))
             }
         }
     }
@@ -60,37 +52,21 @@ impl Config {
         let source = || NamedSource::new(source_name, Arc::<str>::from(text)).with_language("toml");
         let mut root = document::parse(text).map_err(|error| {
             let key = key_near(text, error.span.start);
-            let problem = Problem::Syntax {
-                reason: error.message,
-            };
-            ConfigError::One(Box::new(Fault::new(
-                &source(),
-                key,
-                &error.span,
-                None,
-                problem,
-            )))
+            let problem = Problem::Syntax { reason: error.message };
+            ConfigError::One(Box::new(Fault::new(&source(), key, &error.span, None, problem)))
         })?;
         inherit_ramp(&mut root);
         let config: Self = deserialize::deserialize(&root).map_err(|mismatch| {
             let span = mismatch.span.unwrap_or_default();
-            ConfigError::One(Box::new(Fault::new(
-                &source(),
-                mismatch.key,
-                &span,
-                None,
-                mismatch.problem,
-            )))
+            ConfigError::One(Box::new(Fault::new(&source(), mismatch.key, &span, None, mismatch.problem)))
         })?;
         let findings = rules::check(&config);
         if findings.is_empty() {
             return Ok(config);
         }
         let source = source();
-        let mut faults: Vec<Fault> = findings
-            .into_iter()
-            .map(|finding| place(&source, &root, finding))
-            .collect();
+        let mut faults: Vec<Fault> =
+            findings.into_iter().map(|finding| place(&source, &root, finding)).collect();
         faults.sort_by_key(|fault| (fault.line(), fault.column()));
         Err(match <[Fault; 1]>::try_from(faults) {
             Ok([fault]) => ConfigError::One(Box::new(fault)),
@@ -117,8 +93,7 @@ impl Config {
     /// Never: all of the model can be written as TOML, which the tests of this crate show.
     #[must_use]
     pub fn to_toml(&self) -> String {
-        toml::to_string(self)
-            .unwrap_or_else(|error| panic!("a configuration that TOML cannot hold: {error}"))
+        toml::to_string(self).unwrap_or_else(|error| panic!("a configuration that TOML cannot hold: {error}"))
     }
 }
 
@@ -127,11 +102,7 @@ fn inherit_ramp(root: &mut Spanned<DeValue<'_>>) {
     let DeValue::Table(root) = root.get_mut() else {
         return;
     };
-    let Some(set_ramp) = root
-        .get("ramp")
-        .and_then(|ramp| ramp.get_ref().as_table())
-        .cloned()
-    else {
+    let Some(set_ramp) = root.get("ramp").and_then(|ramp| ramp.get_ref().as_table()).cloned() else {
         return;
     };
     let Some(DeValue::Array(elements)) = root.get_mut("axis").map(Spanned::get_mut) else {
@@ -157,11 +128,7 @@ fn fill_up<'i>(own: &mut DeTable<'i>, from: &DeTable<'i>) {
 
 /// Finds a broken rule's place: its value, or the other value when only that is written, or the table around it.
 fn place(text: &NamedSource<Arc<str>>, root: &Spanned<DeValue<'_>>, finding: Finding) -> Fault {
-    let Finding {
-        key,
-        other,
-        problem,
-    } = finding;
+    let Finding { key, other, problem } = finding;
     let find = |key: &KeyPath| locate(root, key);
     let other = other.as_ref().and_then(|other| find(other).ok());
     match (find(&key), other) {

@@ -111,10 +111,7 @@ pub struct ExecutiveConfig {
 
 impl Default for ExecutiveConfig {
     fn default() -> Self {
-        Self {
-            answer_ms: 500,
-            overdue_ms: 500,
-        }
+        Self { answer_ms: 500, overdue_ms: 500 }
     }
 }
 
@@ -132,10 +129,7 @@ pub struct SupervisionConfig {
 
 impl Default for SupervisionConfig {
     fn default() -> Self {
-        Self {
-            heartbeat_ms: 100,
-            silent_ms: 450,
-        }
+        Self { heartbeat_ms: 100, silent_ms: 450 }
     }
 }
 
@@ -216,9 +210,7 @@ pub struct OriginationConfig {
 
 impl Default for OriginationConfig {
     fn default() -> Self {
-        Self {
-            speed: SpeedIndex::new(90).unwrap_or(SpeedIndex::START),
-        }
+        Self { speed: SpeedIndex::new(90).unwrap_or(SpeedIndex::START) }
     }
 }
 
@@ -278,9 +270,7 @@ impl Config {
     #[must_use]
     pub fn find_axis(&self, name: &str) -> Option<&AxisConfig> {
         let number = name.parse::<u8>().ok().and_then(AxisNumber::new);
-        self.axes
-            .iter()
-            .find(|axis| axis.name == name || Some(axis.address) == number)
+        self.axes.iter().find(|axis| axis.name == name || Some(axis.address) == number)
     }
 
     /// The ramp of an axis: its own, or the set's.

@@ -133,9 +133,7 @@ pub enum Problem {
         max: i32,
     },
     /// A permitted position in the upper limit zone or beyond it.
-    #[error(
-        "position {max} lies in the upper limit zone or beyond, the last one before it is {last}"
-    )]
+    #[error("position {max} lies in the upper limit zone or beyond, the last one before it is {last}")]
     TravelAboveRail {
         /// Steps from the origin.
         max: i32,
@@ -207,11 +205,7 @@ impl Problem {
                 return Some(choose(word, expected.iter().copied(), "the words are"));
             }
             Self::NoSuchOutput { name, outputs } => {
-                return Some(choose(
-                    name,
-                    outputs.iter().map(String::as_str),
-                    "the outputs are",
-                ));
+                return Some(choose(name, outputs.iter().map(String::as_str), "the outputs are"));
             }
             Self::TravelAboveRail { last, .. } => {
                 return Some(format!("set it to {last} or less, or lengthen the rail"));
@@ -230,9 +224,7 @@ impl Problem {
                 "write it as `key = value`, strings in quotes, tables as [name], axes as [[axis]]"
             }
             Self::NoAxis => "add an [[axis]] table; `supersigma.toml` of the default set shows one",
-            Self::TooManyAxes { .. } => {
-                "remove the axes beyond the seventh: the addresses are 1 to 7"
-            }
+            Self::TooManyAxes { .. } => "remove the axes beyond the seventh: the addresses are 1 to 7",
             Self::AddressTaken { .. } => "give each axis an address of its own, 1 to 7",
             Self::BadName { .. } => {
                 "use lower-case letters, digits and `_`, begin with a letter, and do not use `all`"
@@ -245,9 +237,7 @@ impl Problem {
                 "give 0 or more; 0 is the origin, the first step out of the lower limit zone"
             }
             Self::TravelReversed { .. } => "exchange `min` and `max`, or correct one of them",
-            Self::OriginationTooFast { .. } => {
-                "lower `origination.speed`, or widen `rail.lower_zone`"
-            }
+            Self::OriginationTooFast { .. } => "lower `origination.speed`, or widen `rail.lower_zone`",
             Self::Ramp(RampError::NotFinite { .. }) => "write a plain number",
             Self::Ramp(RampError::NoInterval) => "the paper's 1.29 ms are 2580 ticks of 0.5 µs",
             Self::Ramp(RampError::NoBrakeInterval | RampError::BrakeSlower { .. }) => {
@@ -265,9 +255,7 @@ impl Problem {
             }
             Self::NoSuchBit { .. } => "give 0 to 15",
             Self::BitTaken { .. } => "give each line a bit of its own, 0 to 15",
-            Self::DelayWithoutCause { .. } => {
-                "name the output that it follows, or remove the delay"
-            }
+            Self::DelayWithoutCause { .. } => "name the output that it follows, or remove the delay",
             Self::SilenceTooShort { .. } => {
                 "make `silent_ms` at least 2 · heartbeat_ms + 1, better four times as long"
             }
@@ -278,9 +266,7 @@ impl Problem {
     /// What a second place in the text has to do with it.
     pub(crate) const fn about_the_other(&self) -> &'static str {
         match self {
-            Self::AddressTaken { .. } | Self::NameTaken { .. } | Self::BitTaken { .. } => {
-                "first used here"
-            }
+            Self::AddressTaken { .. } | Self::NameTaken { .. } | Self::BitTaken { .. } => "first used here",
             _ => "compared with this",
         }
     }
@@ -295,11 +281,7 @@ fn choose<'a>(wrong: &str, right: impl Iterator<Item = &'a str> + Clone, list_is
         // A third of the letters may be wrong, and one always.
         .filter(|(distance, candidate)| *distance <= (candidate.chars().count() / 3).max(1));
     let all: Vec<String> = right.map(|candidate| format!("`{candidate}`")).collect();
-    let all = if all.is_empty() {
-        "none".to_owned()
-    } else {
-        all.join(", ")
-    };
+    let all = if all.is_empty() { "none".to_owned() } else { all.join(", ") };
     match nearest {
         Some((_, nearest)) => format!("did you mean `{nearest}`? {list_is} {all}"),
         None => format!("{list_is} {all}"),
@@ -317,13 +299,7 @@ mod tests {
             choose("lentgh", words(), "the keys are"),
             "did you mean `length`? the keys are `length`, `lower_zone`, `start`"
         );
-        assert_eq!(
-            choose("colour", words(), "the keys are"),
-            "the keys are `length`, `lower_zone`, `start`"
-        );
-        assert_eq!(
-            choose("x", std::iter::empty(), "the outputs are"),
-            "the outputs are none"
-        );
+        assert_eq!(choose("colour", words(), "the keys are"), "the keys are `length`, `lower_zone`, `start`");
+        assert_eq!(choose("x", std::iter::empty(), "the outputs are"), "the outputs are none");
     }
 }

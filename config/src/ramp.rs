@@ -76,9 +76,7 @@ pub enum RampError {
         n: u16,
     },
     /// The table of differences is stored in bytes.
-    #[error(
-        "N falls by {difference} at entry {entry}, more than the 255 that one byte of the table holds"
-    )]
+    #[error("N falls by {difference} at entry {entry}, more than the 255 that one byte of the table holds")]
     TooSteep {
         /// The place in the table, 1 to 232.
         entry: u8,
@@ -125,10 +123,7 @@ impl RampConfig {
                     return Err(RampError::SpeedFalls { entry, before, n });
                 }
                 Some(before) if before - n > LARGEST_DIFFERENCE => {
-                    return Err(RampError::TooSteep {
-                        entry,
-                        difference: before - n,
-                    });
+                    return Err(RampError::TooSteep { entry, difference: before - n });
                 }
                 _ => {}
             }
@@ -139,11 +134,9 @@ impl RampConfig {
     }
 
     fn check_parameters(&self) -> Result<(), RampError> {
-        for (parameter, value) in [
-            ("amplitude", self.amplitude),
-            ("omega", self.omega),
-            ("phase", self.phase),
-        ] {
+        for (parameter, value) in
+            [("amplitude", self.amplitude), ("omega", self.omega), ("phase", self.phase)]
+        {
             if !value.is_finite() {
                 return Err(RampError::NotFinite { parameter });
             }
@@ -153,9 +146,7 @@ impl RampConfig {
             (0, _) => Err(RampError::NoInterval),
             (_, 0) => Err(RampError::NoBrakeInterval),
             _ if brake > normal => Err(RampError::BrakeSlower { brake, normal }),
-            _ if self.offset > LARGEST_OFFSET => Err(RampError::OffsetTooLong {
-                offset: self.offset,
-            }),
+            _ if self.offset > LARGEST_OFFSET => Err(RampError::OffsetTooLong { offset: self.offset }),
             _ => Ok(()),
         }
     }
@@ -190,9 +181,7 @@ mod tests {
 
     #[test]
     fn the_default_curve_makes_the_table_of_the_paper() {
-        let counts = RampConfig::default()
-            .counts()
-            .expect("the default ramp is usable");
+        let counts = RampConfig::default().counts().expect("the default ramp is usable");
         let differences = differences(&counts);
         assert_eq!((counts[0], counts[232]), (3_076, 132));
         assert_eq!(differences.len(), 232);
@@ -203,12 +192,7 @@ mod tests {
 
     #[test]
     fn the_printed_amplitude_contradicts_the_text_of_the_paper() {
-        let counts = RampConfig {
-            amplitude: 14_000.0,
-            ..RampConfig::default()
-        }
-        .counts()
-        .expect("usable");
+        let counts = RampConfig { amplitude: 14_000.0, ..RampConfig::default() }.counts().expect("usable");
         // 606.7 and 14 000 steps/s, where the text says 650 and 15 000.
         assert_eq!((counts[0], counts[232]), (3_296, 142));
     }
@@ -217,84 +201,23 @@ mod tests {
     fn every_reason_is_named() {
         let ok = RampConfig::default;
         let reasons = [
+            (RampConfig { omega: f64::NAN, ..ok() }, RampError::NotFinite { parameter: "omega" }),
+            (RampConfig { phase: f64::INFINITY, ..ok() }, RampError::NotFinite { parameter: "phase" }),
+            (RampConfig { interval_ticks: 0, ..ok() }, RampError::NoInterval),
+            (RampConfig { brake_interval_ticks: 0, ..ok() }, RampError::NoBrakeInterval),
             (
-                RampConfig {
-                    omega: f64::NAN,
-                    ..ok()
-                },
-                RampError::NotFinite { parameter: "omega" },
+                RampConfig { brake_interval_ticks: 2_581, ..ok() },
+                RampError::BrakeSlower { brake: 2_581, normal: 2_580 },
             ),
-            (
-                RampConfig {
-                    phase: f64::INFINITY,
-                    ..ok()
-                },
-                RampError::NotFinite { parameter: "phase" },
-            ),
-            (
-                RampConfig {
-                    interval_ticks: 0,
-                    ..ok()
-                },
-                RampError::NoInterval,
-            ),
-            (
-                RampConfig {
-                    brake_interval_ticks: 0,
-                    ..ok()
-                },
-                RampError::NoBrakeInterval,
-            ),
-            (
-                RampConfig {
-                    brake_interval_ticks: 2_581,
-                    ..ok()
-                },
-                RampError::BrakeSlower {
-                    brake: 2_581,
-                    normal: 2_580,
-                },
-            ),
-            (
-                RampConfig {
-                    offset: 65_536,
-                    ..ok()
-                },
-                RampError::OffsetTooLong { offset: 65_536 },
-            ),
-            (
-                RampConfig {
-                    amplitude: 0.0,
-                    ..ok()
-                },
-                RampError::Undividable {
-                    entry: 0,
-                    speed: 0.0,
-                },
-            ),
+            (RampConfig { offset: 65_536, ..ok() }, RampError::OffsetTooLong { offset: 65_536 }),
+            (RampConfig { amplitude: 0.0, ..ok() }, RampError::Undividable { entry: 0, speed: 0.0 }),
             // The curve starts on its top, 15 000 steps/s (N = 132), and is at 14 974.8 at entry 7 (N = 133).
             (
-                RampConfig {
-                    phase: std::f64::consts::FRAC_PI_2,
-                    ..ok()
-                },
-                RampError::SpeedFalls {
-                    entry: 7,
-                    before: 132,
-                    n: 133,
-                },
+                RampConfig { phase: std::f64::consts::FRAC_PI_2, ..ok() },
+                RampError::SpeedFalls { entry: 7, before: 132, n: 133 },
             ),
             // V = 60.023 and 71.637 steps/s, N = 33 319 and 27 918.
-            (
-                RampConfig {
-                    phase: 0.063_3,
-                    ..ok()
-                },
-                RampError::TooSteep {
-                    entry: 1,
-                    difference: 5_401,
-                },
-            ),
+            (RampConfig { phase: 0.063_3, ..ok() }, RampError::TooSteep { entry: 1, difference: 5_401 }),
         ];
         for (ramp, reason) in reasons {
             assert_eq!(ramp.counts(), Err(reason));

@@ -49,9 +49,7 @@ pub(crate) fn check(config: &Config) -> Vec<Finding> {
 /// `[a-z][a-z0-9_]*`, and not the word that means every axis.
 fn is_name(name: &str) -> bool {
     name.starts_with(|c: char| c.is_ascii_lowercase())
-        && name
-            .chars()
-            .all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
+        && name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
         && name != "all"
 }
 
@@ -59,19 +57,11 @@ struct Findings(Vec<Finding>);
 
 impl Findings {
     fn add(&mut self, key: KeyPath, problem: Problem) {
-        self.0.push(Finding {
-            key,
-            other: None,
-            problem,
-        });
+        self.0.push(Finding { key, other: None, problem });
     }
 
     fn between(&mut self, key: KeyPath, other: KeyPath, problem: Problem) {
-        self.0.push(Finding {
-            key,
-            other: Some(other),
-            problem,
-        });
+        self.0.push(Finding { key, other: Some(other), problem });
     }
 
     fn milliseconds(&mut self, config: &Config) {
@@ -79,35 +69,23 @@ impl Findings {
             ("line", "lead_ms", config.line.lead_ms),
             ("executive", "answer_ms", config.executive.answer_ms),
             ("executive", "overdue_ms", config.executive.overdue_ms),
-            (
-                "supervision",
-                "heartbeat_ms",
-                config.supervision.heartbeat_ms,
-            ),
+            ("supervision", "heartbeat_ms", config.supervision.heartbeat_ms),
             ("log", "flush_ms", config.log.flush_ms),
         ] {
             if value == 0 {
                 self.add(KeyPath::default().key(table).key(key), Problem::Zero);
             }
         }
-        let (heartbeat_ms, silent_ms) = (
-            config.supervision.heartbeat_ms,
-            config.supervision.silent_ms,
-        );
+        let (heartbeat_ms, silent_ms) = (config.supervision.heartbeat_ms, config.supervision.silent_ms);
         if u64::from(silent_ms) <= 2 * u64::from(heartbeat_ms) {
             let table = KeyPath::default().key("supervision");
-            let problem = Problem::SilenceTooShort {
-                silent_ms,
-                heartbeat_ms,
-            };
+            let problem = Problem::SilenceTooShort { silent_ms, heartbeat_ms };
             self.between(table.key("silent_ms"), table.key("heartbeat_ms"), problem);
         }
     }
 
     fn ramp(&mut self, table: &KeyPath, error: RampError) {
-        let key = error
-            .parameter()
-            .map_or_else(|| table.clone(), |parameter| table.key(parameter));
+        let key = error.parameter().map_or_else(|| table.clone(), |parameter| table.key(parameter));
         match error {
             RampError::BrakeSlower { .. } => {
                 self.between(key, table.key("interval_ticks"), error.into());
@@ -123,33 +101,18 @@ impl Findings {
             1..=7 => {}
             count => self.add(key.index(7), Problem::TooManyAxes { count }),
         }
-        let axes = || {
-            config
-                .axes
-                .iter()
-                .enumerate()
-                .map(|(index, axis)| (key.index(index), axis))
-        };
+        let axes = || config.axes.iter().enumerate().map(|(index, axis)| (key.index(index), axis));
         self.unique(
             axes().map(|(key, axis)| (key.key("address"), axis.address, &axis.name)),
-            |address, owner| Problem::AddressTaken {
-                address: address.get(),
-                owner,
-            },
+            |address, owner| Problem::AddressTaken { address: address.get(), owner },
         );
         self.names(axes().map(|(key, axis)| (key.key("name"), axis.name.as_str())));
     }
 
     fn rail(&mut self, key: &KeyPath, axis: &AxisConfig) {
         let (rail, table) = (&axis.rail, key.key("rail"));
-        let [length, lower, upper, reference, start] = [
-            rail.length,
-            rail.lower_zone,
-            rail.upper_zone,
-            rail.reference,
-            rail.start,
-        ]
-        .map(|steps| steps.0);
+        let [length, lower, upper, reference, start] =
+            [rail.length, rail.lower_zone, rail.upper_zone, rail.reference, rail.start].map(|steps| steps.0);
         let told_before = self.0.len();
         if lower == 0 {
             self.add(table.key("lower_zone"), Problem::Zero);
@@ -160,26 +123,14 @@ impl Findings {
             ("length", length, "upper_zone", upper),
         ] {
             if value <= bound {
-                self.between(
-                    table.key(name),
-                    table.key(below),
-                    Problem::NotAbove {
-                        value,
-                        below,
-                        bound,
-                    },
-                );
+                self.between(table.key(name), table.key(below), Problem::NotAbove { value, below, bound });
             }
         }
         if length > u32::from(u16::MAX) {
             self.add(table.key("length"), Problem::RailTooLong { length });
         }
         if start > length {
-            self.between(
-                table.key("start"),
-                table.key("length"),
-                Problem::StartBeyondRail { start, length },
-            );
+            self.between(table.key("start"), table.key("length"), Problem::StartBeyondRail { start, length });
         }
         let rail_is_sound = self.0.len() == told_before;
 
@@ -190,29 +141,15 @@ impl Findings {
             self.add(travel.key("min"), Problem::TravelBelowOrigin { min });
         }
         if max < min {
-            self.between(
-                travel.key("max"),
-                travel.key("min"),
-                Problem::TravelReversed { min, max },
-            );
+            self.between(travel.key("max"), travel.key("min"), Problem::TravelReversed { min, max });
         } else if rail_is_sound && i64::from(max) > last {
-            self.between(
-                travel.key("max"),
-                table.key("upper_zone"),
-                Problem::TravelAboveRail { max, last },
-            );
+            self.between(travel.key("max"), table.key("upper_zone"), Problem::TravelAboveRail { max, last });
         }
     }
 
     /// The switch closes when the carriage, under way to the lower stop, enters the lower zone; there it must come to
     /// rest before the stop, if need be by an emergency stop.
-    fn origination(
-        &mut self,
-        key: &KeyPath,
-        axis: &AxisConfig,
-        counts: &[u16; SPEEDS],
-        ramp: &RampConfig,
-    ) {
+    fn origination(&mut self, key: &KeyPath, axis: &AxisConfig, counts: &[u16; SPEEDS], ramp: &RampConfig) {
         let (speed, lower_zone) = (axis.origination.speed.get(), axis.rail.lower_zone.0);
         let millionths: u64 = counts[..usize::from(speed)]
             .iter()
@@ -223,67 +160,34 @@ impl Findings {
             self.between(
                 key.key("origination").key("speed"),
                 key.key("rail").key("lower_zone"),
-                Problem::OriginationTooFast {
-                    speed,
-                    needed,
-                    lower_zone,
-                },
+                Problem::OriginationTooFast { speed, needed, lower_zone },
             );
         }
     }
 
     fn digital(&mut self, config: &Config) {
         let (digital, root) = (&config.digital, KeyPath::default().key("digital"));
-        let outputs: Vec<_> = digital
-            .outputs
-            .iter()
-            .map(|line| (line.bit, line.name.as_str()))
-            .collect();
-        let inputs: Vec<_> = digital
-            .inputs
-            .iter()
-            .map(|line| (line.bit, line.name.as_str()))
-            .collect();
+        let outputs: Vec<_> = digital.outputs.iter().map(|line| (line.bit, line.name.as_str())).collect();
+        let inputs: Vec<_> = digital.inputs.iter().map(|line| (line.bit, line.name.as_str())).collect();
         for (card, lines) in [("output", outputs), ("input", inputs)] {
-            let lines = || {
-                lines
-                    .iter()
-                    .enumerate()
-                    .map(|(index, line)| (root.key(card).index(index), line))
-            };
+            let lines = || lines.iter().enumerate().map(|(index, line)| (root.key(card).index(index), line));
             for (key, &(bit, _)) in lines().filter(|(_, (bit, _))| *bit > 15) {
                 self.add(key.key("bit"), Problem::NoSuchBit { bit });
             }
-            self.unique(
-                lines().map(|(key, (bit, name))| (key.key("bit"), *bit, *name)),
-                |bit, owner| Problem::BitTaken { bit, owner },
-            );
+            self.unique(lines().map(|(key, (bit, name))| (key.key("bit"), *bit, *name)), |bit, owner| {
+                Problem::BitTaken { bit, owner }
+            });
             self.names(lines().map(|(key, (_, name))| (key.key("name"), *name)));
         }
         for (index, input) in digital.inputs.iter().enumerate() {
             let key = root.key("input").index(index);
             match &input.follows {
                 Some(name) if digital.outputs.iter().all(|output| output.name != *name) => {
-                    let outputs = digital
-                        .outputs
-                        .iter()
-                        .map(|output| output.name.clone())
-                        .collect();
-                    self.add(
-                        key.key("follows"),
-                        Problem::NoSuchOutput {
-                            name: name.clone(),
-                            outputs,
-                        },
-                    );
+                    let outputs = digital.outputs.iter().map(|output| output.name.clone()).collect();
+                    self.add(key.key("follows"), Problem::NoSuchOutput { name: name.clone(), outputs });
                 }
                 None if input.delay_ms > 0 => {
-                    self.add(
-                        key.key("delay_ms"),
-                        Problem::DelayWithoutCause {
-                            delay_ms: input.delay_ms,
-                        },
-                    );
+                    self.add(key.key("delay_ms"), Problem::DelayWithoutCause { delay_ms: input.delay_ms });
                 }
                 _ => {}
             }
@@ -292,17 +196,10 @@ impl Findings {
 
     fn names<'a>(&mut self, names: impl Iterator<Item = (KeyPath, &'a str)> + Clone) {
         for (key, name) in names.clone().filter(|(_, name)| !is_name(name)) {
-            self.add(
-                key,
-                Problem::BadName {
-                    name: name.to_owned(),
-                },
-            );
+            self.add(key, Problem::BadName { name: name.to_owned() });
         }
-        self.unique(names.map(|(key, name)| (key, name, name)), |name, _| {
-            Problem::NameTaken {
-                name: name.to_owned(),
-            }
+        self.unique(names.map(|(key, name)| (key, name, name)), |name, _| Problem::NameTaken {
+            name: name.to_owned(),
         });
     }
 
@@ -315,11 +212,9 @@ impl Findings {
         let mut seen: HashMap<T, (KeyPath, N)> = HashMap::new();
         for (key, value, name) in values {
             match seen.get(&value) {
-                Some((first, owner)) => self.between(
-                    key,
-                    first.clone(),
-                    problem(value, owner.as_ref().to_owned()),
-                ),
+                Some((first, owner)) => {
+                    self.between(key, first.clone(), problem(value, owner.as_ref().to_owned()));
+                }
                 None => drop(seen.insert(value, (key, name))),
             }
         }

@@ -24,15 +24,8 @@ pub(crate) fn meaning(path: &KeyPath) -> Option<String> {
             (Segment::Index(_), array) => array.get("items")?,
         };
     }
-    let text = here
-        .get("description")
-        .or_else(|| resolve(&root, here).get("description"))?
-        .as_str()?;
-    Some(
-        text.replace("\\[", "[")
-            .replace("\\]", "]")
-            .replace('\n', " "),
-    )
+    let text = here.get("description").or_else(|| resolve(&root, here).get("description"))?.as_str()?;
+    Some(text.replace("\\[", "[").replace("\\]", "]").replace('\n', " "))
 }
 
 /// Follows references, and takes an optional value for the value.
@@ -54,23 +47,10 @@ mod tests {
     #[test]
     fn every_key_has_a_meaning() {
         let axis = KeyPath::default().key("axis").index(3);
+        assert_eq!(meaning(&axis.key("address")).as_deref(), Some("The address of its card, 1 to 7."));
+        assert_eq!(meaning(&axis.key("ramp").key("amplitude")).as_deref(), Some("Steps per second."));
         assert_eq!(
-            meaning(&axis.key("address")).as_deref(),
-            Some("The address of its card, 1 to 7.")
-        );
-        assert_eq!(
-            meaning(&axis.key("ramp").key("amplitude")).as_deref(),
-            Some("Steps per second.")
-        );
-        assert_eq!(
-            meaning(
-                &KeyPath::default()
-                    .key("digital")
-                    .key("input")
-                    .index(0)
-                    .key("bit")
-            )
-            .as_deref(),
+            meaning(&KeyPath::default().key("digital").key("input").index(0).key("bit")).as_deref(),
             Some("The line's place on the card, 0 to 15.")
         );
         assert_eq!(meaning(&axis.key("adress")), None);

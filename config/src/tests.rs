@@ -25,9 +25,7 @@ travel = { min = 0, max = 9198 }
 fn messages(text: &str) -> (String, String) {
     let error = Config::from_toml(text, "set.toml").expect_err("this text breaks a rule");
     let mut drawn = String::new();
-    NarratableReportHandler::new()
-        .render_report(&mut drawn, &error)
-        .expect("drawing into a string");
+    NarratableReportHandler::new().render_report(&mut drawn, &error).expect("drawing into a string");
     (error.to_string(), drawn)
 }
 
@@ -42,10 +40,7 @@ fn breaks(text: &str, plain: &str, advice: &str) {
         format!("label at line {line}, column {column}:"),
         format!("label at line {line}, columns {column} "),
     ];
-    assert!(
-        labels.iter().any(|label| drawn.contains(label)),
-        "no label at {line}:{column} in\n{drawn}"
-    );
+    assert!(labels.iter().any(|label| drawn.contains(label)), "no label at {line}:{column} in\n{drawn}");
 }
 
 /// The sound axis with one thing replaced.
@@ -67,8 +62,7 @@ fn the_sound_axis_is_sound() {
 
 #[test]
 fn an_axis_ramp_has_the_rest_from_the_set() {
-    let text =
-        axis_and("ramp = { amplitude = 14000 }\n[ramp]\noffset = 12\nshort_moves = \"paper\"\n");
+    let text = axis_and("ramp = { amplitude = 14000 }\n[ramp]\noffset = 12\nshort_moves = \"paper\"\n");
     let config = Config::from_toml(&text, "set.toml").expect("sound");
     let own = RampConfig {
         amplitude: 14_000.0,
@@ -103,22 +97,13 @@ fn files_are_read_and_named() {
 
     fs::write(&file, b"[log]\nflush_ms = \xFF5\n").expect("writing");
     let error = Config::load(&file).expect_err("not UTF-8");
-    assert!(
-        error
-            .to_string()
-            .ends_with("mine.toml:2:12: log.flush_ms: this is not UTF-8 text"),
-        "{error}"
-    );
+    assert!(error.to_string().ends_with("mine.toml:2:12: log.flush_ms: this is not UTF-8 text"), "{error}");
 }
 
 #[test]
 fn the_default_set_is_the_seven_axes() {
     let set = Config::default_set();
-    let axes: Vec<_> = set
-        .axes
-        .iter()
-        .map(|axis| (axis.address.get(), axis.name.as_str()))
-        .collect();
+    let axes: Vec<_> = set.axes.iter().map(|axis| (axis.address.get(), axis.name.as_str())).collect();
     let expected = [
         (1, "left_x"),
         (2, "left_y"),
@@ -129,25 +114,13 @@ fn the_default_set_is_the_seven_axes() {
         (7, "wrist"),
     ];
     assert_eq!(axes, expected);
-    assert_eq!(
-        set.find_axis("wrist"),
-        set.axis(AxisNumber::new(7).expect("a number of an axis"))
-    );
+    assert_eq!(set.find_axis("wrist"), set.axis(AxisNumber::new(7).expect("a number of an axis")));
     let grasped = &set.digital.inputs[0];
     assert_eq!(
-        (
-            grasped.name.as_str(),
-            grasped.follows.as_deref(),
-            grasped.delay_ms
-        ),
+        (grasped.name.as_str(), grasped.follows.as_deref(), grasped.delay_ms),
         ("left_grasped", Some("left_gripper"), 80)
     );
-    assert!(
-        set.digital
-            .inputs
-            .iter()
-            .any(|input| input.name == "part_present" && input.initial)
-    );
+    assert!(set.digital.inputs.iter().any(|input| input.name == "part_present" && input.initial));
 }
 
 #[test]
@@ -172,12 +145,7 @@ fn the_ramp_that_the_default_text_suggests_is_usable() {
     let text = DEFAULT_TOML.replace("# ramp = {", "ramp = {");
     assert_ne!(text, DEFAULT_TOML);
     let set = Config::from_toml(&text, "set.toml").expect("sound");
-    let counts = set.axes[6]
-        .ramp
-        .as_ref()
-        .expect("its own ramp")
-        .counts()
-        .expect("usable");
+    let counts = set.axes[6].ramp.as_ref().expect("its own ramp").counts().expect("usable");
     // 9 000 · sin²(0.272) = 649.6 steps/s; 9 000 at the top.
     assert_eq!((counts[0], counts[232]), (3_078, 221));
 }
@@ -185,10 +153,7 @@ fn the_ramp_that_the_default_text_suggests_is_usable() {
 #[test]
 fn the_effective_default_set_comes_back() {
     let set = Config::default_set();
-    assert_eq!(
-        Config::from_toml(&set.to_toml(), "shown").expect("sound"),
-        set
-    );
+    assert_eq!(Config::from_toml(&set.to_toml(), "shown").expect("sound"), set);
 }
 
 prop_compose! {
@@ -277,15 +242,8 @@ proptest! {
 fn drawn_in_full(error: &ConfigError) -> String {
     let mut all = error.to_string();
     for fault in error.faults() {
-        let _ = write!(
-            all,
-            "{fault} {:?} {:?}",
-            fault.advice(),
-            fault.source_name()
-        );
+        let _ = write!(all, "{fault} {:?} {:?}", fault.advice(), fault.source_name());
     }
-    miette::GraphicalReportHandler::new()
-        .render_report(&mut all, error)
-        .expect("drawing into a string");
+    miette::GraphicalReportHandler::new().render_report(&mut all, error).expect("drawing into a string");
     all
 }

@@ -166,26 +166,13 @@ impl Command {
             bytes.extend(speed.map(SpeedIndex::get));
         };
         match self.operation {
-            Operation::Move {
-                direction,
-                distance,
-            }
-            | Operation::ArmLine {
-                direction,
-                distance,
-            } => {
+            Operation::Move { direction, distance } | Operation::ArmLine { direction, distance } => {
                 movement(direction, distance, None);
             }
-            Operation::MoveLimited {
-                direction,
-                distance,
-                limit,
-            } => movement(direction, distance, Some(limit)),
-            Operation::Slew {
-                direction,
-                distance,
-                speed,
-            } => movement(direction, distance, Some(speed)),
+            Operation::MoveLimited { direction, distance, limit } => {
+                movement(direction, distance, Some(limit));
+            }
+            Operation::Slew { direction, distance, speed } => movement(direction, distance, Some(speed)),
             Operation::Lead { distance, limit } => movement(Direction::Forward, distance, limit),
             Operation::WriteOutputs { word } => bytes.extend(word.to_be_bytes()),
             Operation::Originate
@@ -207,9 +194,7 @@ impl Command {
     /// steps, speed.
     pub fn decode(bytes: &[u8]) -> Result<Self, Refusal> {
         let &[address, code, ref rest @ ..] = bytes else {
-            return Err(Refusal::TooShort {
-                bytes: bytes.len().try_into().unwrap_or(u8::MAX),
-            });
+            return Err(Refusal::TooShort { bytes: bytes.len().try_into().unwrap_or(u8::MAX) });
         };
         let to = Address(address);
         if let CardKind::Unknown(address) = to.kind() {
@@ -217,10 +202,7 @@ impl Command {
         }
         let operation = decode_operation(code, rest, bytes.len())?;
         if !operation.suits(to.kind()) {
-            return Err(Refusal::WrongCard {
-                address,
-                op_code: operation.code(),
-            });
+            return Err(Refusal::WrongCard { address, op_code: operation.code() });
         }
         Ok(Self { to, operation })
     }
@@ -228,15 +210,8 @@ impl Command {
 
 fn decode_operation(code: u8, rest: &[u8], length: usize) -> Result<Operation, Refusal> {
     let op_code = code & !TOWARDS_ORIGIN;
-    let direction = if code & TOWARDS_ORIGIN == 0 {
-        Direction::Forward
-    } else {
-        Direction::TowardsOrigin
-    };
-    let wrong_length = || Refusal::WrongLength {
-        op_code,
-        bytes: length.try_into().unwrap_or(u8::MAX),
-    };
+    let direction = if code & TOWARDS_ORIGIN == 0 { Direction::Forward } else { Direction::TowardsOrigin };
+    let wrong_length = || Refusal::WrongLength { op_code, bytes: length.try_into().unwrap_or(u8::MAX) };
     let undirected = || match direction {
         Direction::Forward => Ok(()),
         Direction::TowardsOrigin => Err(Refusal::DirectionNotAllowed { op_code }),
@@ -245,24 +220,16 @@ fn decode_operation(code: u8, rest: &[u8], length: usize) -> Result<Operation, R
         [] => undirected().map(|()| operation),
         _ => Err(wrong_length()),
     };
-    let distance =
-        |msb, lsb| Distance::new(u16::from_be_bytes([msb, lsb])).ok_or(Refusal::ZeroSteps);
+    let distance = |msb, lsb| Distance::new(u16::from_be_bytes([msb, lsb])).ok_or(Refusal::ZeroSteps);
     let index = |speed| SpeedIndex::new(speed).ok_or(Refusal::SpeedOutOfRange { speed });
     match (op_code, rest) {
-        (0x01, &[msb, lsb]) => Ok(Operation::Move {
-            direction,
-            distance: distance(msb, lsb)?,
-        }),
-        (0x02, &[msb, lsb, speed]) => Ok(Operation::MoveLimited {
-            direction,
-            distance: distance(msb, lsb)?,
-            limit: index(speed)?,
-        }),
-        (0x03, &[msb, lsb, speed]) => Ok(Operation::Slew {
-            direction,
-            distance: distance(msb, lsb)?,
-            speed: index(speed)?,
-        }),
+        (0x01, &[msb, lsb]) => Ok(Operation::Move { direction, distance: distance(msb, lsb)? }),
+        (0x02, &[msb, lsb, speed]) => {
+            Ok(Operation::MoveLimited { direction, distance: distance(msb, lsb)?, limit: index(speed)? })
+        }
+        (0x03, &[msb, lsb, speed]) => {
+            Ok(Operation::Slew { direction, distance: distance(msb, lsb)?, speed: index(speed)? })
+        }
         (0x04, _) => bare(Operation::Originate),
         (0x05, _) => bare(Operation::Status),
         (0x06, _) => bare(Operation::Halt),
@@ -270,30 +237,19 @@ fn decode_operation(code: u8, rest: &[u8], length: usize) -> Result<Operation, R
         (0x08, _) => bare(Operation::SeekReference),
         (0x09, &[msb, lsb]) => {
             undirected()?;
-            Ok(Operation::Lead {
-                distance: distance(msb, lsb)?,
-                limit: None,
-            })
+            Ok(Operation::Lead { distance: distance(msb, lsb)?, limit: None })
         }
         (0x09, &[msb, lsb, speed]) => {
             undirected()?;
-            Ok(Operation::Lead {
-                distance: distance(msb, lsb)?,
-                limit: Some(index(speed)?),
-            })
+            Ok(Operation::Lead { distance: distance(msb, lsb)?, limit: Some(index(speed)?) })
         }
-        (0x0A, &[msb, lsb]) => Ok(Operation::ArmLine {
-            direction,
-            distance: distance(msb, lsb)?,
-        }),
+        (0x0A, &[msb, lsb]) => Ok(Operation::ArmLine { direction, distance: distance(msb, lsb)? }),
         (0x0B, _) => bare(Operation::Go),
         (0x0C, _) => bare(Operation::Clear),
         (0x0D, _) => bare(Operation::ReadInputs),
         (0x0E, &[msb, lsb]) => {
             undirected()?;
-            Ok(Operation::WriteOutputs {
-                word: u16::from_be_bytes([msb, lsb]),
-            })
+            Ok(Operation::WriteOutputs { word: u16::from_be_bytes([msb, lsb]) })
         }
         (0x01..=0x03 | 0x09 | 0x0A | 0x0E, _) => Err(wrong_length()),
         _ => Err(Refusal::UnknownOpCode { op_code }),
@@ -325,11 +281,7 @@ pub struct TooManyBytes(pub usize);
 impl TryFrom<Vec<u8>> for CommandBytes {
     type Error = TooManyBytes;
     fn try_from(bytes: Vec<u8>) -> Result<Self, TooManyBytes> {
-        if bytes.len() <= Self::MAX {
-            Ok(Self(bytes))
-        } else {
-            Err(TooManyBytes(bytes.len()))
-        }
+        if bytes.len() <= Self::MAX { Ok(Self(bytes)) } else { Err(TooManyBytes(bytes.len())) }
     }
 }
 

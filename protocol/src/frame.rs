@@ -62,10 +62,7 @@ pub struct Broadcast {
 
 impl From<Command> for Broadcast {
     fn from(command: Command) -> Self {
-        Self {
-            bytes: command.encode(),
-            at: None,
-        }
+        Self { bytes: command.encode(), at: None }
     }
 }
 

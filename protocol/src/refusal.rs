@@ -3,12 +3,11 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::report::End;
 use crate::units::{Position, SpeedIndex, Ticks};
 
 /// The reasons, each with what one needs to mend it. New reasons are added at the end: their order is on the wire.
-#[derive(
-    Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema, thiserror::Error,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema, thiserror::Error)]
 #[serde(rename_all = "snake_case")]
 pub enum Refusal {
     /// Fewer than two bytes.
@@ -26,9 +25,7 @@ pub enum Refusal {
         bytes: u8,
     },
     /// No card has this address.
-    #[error(
-        "no card has address {address} (0 everyone, 1 to 7 axes, 8 digital inputs, 9 digital outputs)"
-    )]
+    #[error("no card has address {address} (0 everyone, 1 to 7 axes, 8 digital inputs, 9 digital outputs)")]
     UnknownAddress {
         /// The first byte.
         address: u8,
@@ -104,6 +101,12 @@ pub enum Refusal {
     /// The frame of a start names no tick to start at.
     #[error("the frame names no tick to start at")]
     NoStartTick,
+    /// The carriage stands in a limit zone; only movements away from that end are possible.
+    #[error("the carriage stands in the {end} limit zone; it can only move away from that end")]
+    AtEnd {
+        /// Which end.
+        end: End,
+    },
 }
 
 #[cfg(test)]
@@ -113,44 +116,22 @@ mod tests {
     #[test]
     fn a_refusal_names_what_is_wrong_and_what_would_be_right() {
         let cases = [
-            (
-                Refusal::TooShort { bytes: 1 },
-                "a command has 2 to 5 bytes, this one has 1",
-            ),
-            (
-                Refusal::WrongLength {
-                    op_code: 0x0A,
-                    bytes: 2,
-                },
-                "op-code 0A does not come in 2 bytes",
-            ),
-            (
-                Refusal::UnknownOpCode { op_code: 0x7F },
-                "op-code 7F is unknown (01 to 0E are known)",
-            ),
+            (Refusal::TooShort { bytes: 1 }, "a command has 2 to 5 bytes, this one has 1"),
+            (Refusal::WrongLength { op_code: 0x0A, bytes: 2 }, "op-code 0A does not come in 2 bytes"),
+            (Refusal::UnknownOpCode { op_code: 0x7F }, "op-code 7F is unknown (01 to 0E are known)"),
             (
                 Refusal::SpeedOutOfRange { speed: 233 },
                 "speed 233 is above 232, the last entry of the ramp table",
             ),
             (
-                Refusal::OutOfTravel {
-                    target: Position(-13),
-                    min: Position(0),
-                    max: Position(40_000),
-                },
+                Refusal::OutOfTravel { target: Position(-13), min: Position(0), max: Position(40_000) },
                 "target -13 is outside the travel 0 to 40000",
             ),
             (
-                Refusal::LongerThanLead {
-                    steps: 301,
-                    lead: 300,
-                },
+                Refusal::LongerThanLead { steps: 301, lead: 300 },
                 "301 steps are more than the 300 of the leading axis",
             ),
-            (
-                Refusal::Late { by: Ticks(2_580) },
-                "late: the start tick passed 2580 ticks ago",
-            ),
+            (Refusal::Late { by: Ticks(2_580) }, "late: the start tick passed 2580 ticks ago"),
         ];
         for (refusal, message) in cases {
             assert_eq!(refusal.to_string(), message);

@@ -159,9 +159,7 @@ impl fmt::Display for End {
 }
 
 /// Why an axis is locked until it is cleared. The order is on the wire: new ones come last.
-#[derive(
-    Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema, thiserror::Error,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema, thiserror::Error)]
 #[serde(rename_all = "snake_case")]
 pub enum Alarm {
     /// A Brake command.
@@ -195,9 +193,7 @@ mod tests {
     use super::*;
 
     fn word(points: &[SensePoint]) -> StatusWord {
-        points
-            .iter()
-            .fold(StatusWord::default(), |word, &point| word.with(point, true))
+        points.iter().fold(StatusWord::default(), |word, &point| word.with(point, true))
     }
 
     #[test]
@@ -214,22 +210,12 @@ mod tests {
     #[test]
     fn success_is_0001_open_loop_and_00011_closed_loop() {
         for bits in 0..32_u8 {
-            let points: Vec<_> = SensePoint::ALL
-                .into_iter()
-                .filter(|&point| bits & (1 << point as u8) != 0)
-                .collect();
+            let points: Vec<_> =
+                SensePoint::ALL.into_iter().filter(|&point| bits & (1 << point as u8) != 0).collect();
             let word = word(&points);
             let printed = word.to_string();
-            assert_eq!(
-                word.is_open_loop_success(),
-                printed.starts_with("0001"),
-                "{printed}"
-            );
-            assert_eq!(
-                word.is_closed_loop_success(),
-                printed == "00011",
-                "{printed}"
-            );
+            assert_eq!(word.is_open_loop_success(), printed.starts_with("0001"), "{printed}");
+            assert_eq!(word.is_closed_loop_success(), printed == "00011", "{printed}");
         }
     }
 
@@ -242,17 +228,11 @@ mod tests {
 
     #[test]
     fn alarms_say_what_happened_in_figures() {
-        assert_eq!(
-            Alarm::EndOfRail(End::Upper).to_string(),
-            "upper end of the rail"
-        );
+        assert_eq!(Alarm::EndOfRail(End::Upper).to_string(), "upper end of the rail");
         assert_eq!(
             Alarm::SwitchNeverClosed(Steps(60_000)).to_string(),
             "the limit switch did not close within 60000 steps"
         );
-        assert_eq!(
-            Alarm::FramesLost(3).to_string(),
-            "3 command frames were lost on the bus"
-        );
+        assert_eq!(Alarm::FramesLost(3).to_string(), "3 command frames were lost on the bus");
     }
 }

@@ -9,36 +9,14 @@ use serde::{Deserialize, Serialize};
 
 /// A point in time: ticks of 0.5 µs (the 8253's 2 MHz clock) since the set's epoch.
 #[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    PartialOrd,
-    Ord,
-    Hash,
-    Default,
-    Serialize,
-    Deserialize,
-    JsonSchema,
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize, JsonSchema,
 )]
 #[serde(transparent)]
 pub struct Tick(pub u64);
 
 /// A span of time in ticks of 0.5 µs.
 #[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    PartialOrd,
-    Ord,
-    Hash,
-    Default,
-    Serialize,
-    Deserialize,
-    JsonSchema,
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize, JsonSchema,
 )]
 #[serde(transparent)]
 pub struct Ticks(pub u64);
@@ -104,18 +82,7 @@ impl fmt::Display for Tick {
 
 /// A number of steps that were, or will be, made. One step is one pulse: a half step of the motor.
 #[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    PartialOrd,
-    Ord,
-    Hash,
-    Default,
-    Serialize,
-    Deserialize,
-    JsonSchema,
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize, JsonSchema,
 )]
 #[serde(transparent)]
 pub struct Steps(pub u32);
@@ -173,18 +140,7 @@ impl Distance {
 
 /// A place on an axis, in steps from its origin (the point where the limit switch opens); positive is away from it.
 #[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    PartialOrd,
-    Ord,
-    Hash,
-    Default,
-    Serialize,
-    Deserialize,
-    JsonSchema,
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize, JsonSchema,
 )]
 #[serde(transparent)]
 pub struct Position(pub i32);
@@ -251,9 +207,7 @@ impl Count {
 }
 
 /// An index into the ramp table: 0 (650 steps/s) ..= 232 (15 000 steps/s) with the default ramp.
-#[derive(
-    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(try_from = "u8", into = "u8")]
 pub struct SpeedIndex(u8);
 
@@ -266,11 +220,7 @@ impl SpeedIndex {
     /// `None` above 232.
     #[must_use]
     pub const fn new(index: u8) -> Option<Self> {
-        if index <= Self::TOP.0 {
-            Some(Self(index))
-        } else {
-            None
-        }
+        if index <= Self::TOP.0 { Some(Self(index)) } else { None }
     }
 
     /// The byte on the bus.
@@ -294,9 +244,7 @@ impl From<SpeedIndex> for u8 {
 }
 
 /// The first byte of a command: whom it is for. Any byte is an address; [`Address::kind`] says whose.
-#[derive(
-    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(transparent)]
 pub struct Address(pub u8);
 
@@ -349,9 +297,7 @@ impl fmt::Display for Address {
 }
 
 /// The number of a motor card: 1 ..= 7.
-#[derive(
-    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(try_from = "u8", into = "u8")]
 pub struct AxisNumber(u8);
 
@@ -362,11 +308,7 @@ impl AxisNumber {
     /// `None` outside 1 ..= 7.
     #[must_use]
     pub const fn new(number: u8) -> Option<Self> {
-        if 1 <= number && number <= 7 {
-            Some(Self(number))
-        } else {
-            None
-        }
+        if 1 <= number && number <= 7 { Some(Self(number)) } else { None }
     }
 
     /// All seven, in order.
@@ -415,18 +357,7 @@ impl fmt::Display for AxisNumber {
 /// The place of a frame in what one sender sent: 0, 1, 2 … A sender that starts anew starts at 0 again, so a
 /// receiver takes 0 as a new life and any other jump as a loss.
 #[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    PartialOrd,
-    Ord,
-    Hash,
-    Default,
-    Serialize,
-    Deserialize,
-    JsonSchema,
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize, JsonSchema,
 )]
 #[serde(transparent)]
 pub struct Sequence(pub u64);

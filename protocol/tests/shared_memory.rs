@@ -71,49 +71,28 @@ fn leftovers_do_not_stop_the_next_life_of_a_set() {
     let other = home.root.path().join("lock");
     fs::write(&other, "the set's own file").unwrap();
     let bus = SharedBus::create(&home.place).unwrap();
-    let _ports = (
-        bus.ccu().unwrap(),
-        bus.card(Address(1)).unwrap(),
-        bus.tap().unwrap(),
-    );
+    let _ports = (bus.ccu().unwrap(), bus.card(Address(1)).unwrap(), bus.tap().unwrap());
     assert!(!memory.join(format!("{prefix}1.data")).exists());
-    assert_eq!(
-        fs::read(other).unwrap(),
-        b"the set's own file",
-        "only the bus's folder is swept"
-    );
+    assert_eq!(fs::read(other).unwrap(), b"the set's own file", "only the bus's folder is swept");
 }
 
 #[test]
 fn no_file_of_the_bus_is_open_to_other_users() {
     let home = Home::new();
     let bus = SharedBus::create(&home.place).unwrap();
-    let _ports = (
-        bus.ccu().unwrap(),
-        bus.card(Address(1)).unwrap(),
-        bus.tap().unwrap(),
-    );
+    let _ports = (bus.ccu().unwrap(), bus.card(Address(1)).unwrap(), bus.tap().unwrap());
     for file in home.in_shared_memory() {
         let mode = fs::metadata(&file).unwrap().permissions().mode() & 0o777;
         assert_eq!(mode & 0o077, 0, "{} has mode {mode:o}", file.display());
     }
-    assert_eq!(
-        fs::metadata(home.bus_folder())
-            .unwrap()
-            .permissions()
-            .mode()
-            & 0o777,
-        0o700
-    );
+    assert_eq!(fs::metadata(home.bus_folder()).unwrap().permissions().mode() & 0o777, 0o700);
 }
 
 #[test]
 fn two_sets_do_not_hear_each_other() {
     let (left, right) = (Home::new(), Home::new());
-    let (left_bus, right_bus) = (
-        SharedBus::create(&left.place).unwrap(),
-        SharedBus::create(&right.place).unwrap(),
-    );
+    let (left_bus, right_bus) =
+        (SharedBus::create(&left.place).unwrap(), SharedBus::create(&right.place).unwrap());
     let (mut left_ccu, _left_answers) = left_bus.ccu().unwrap();
     let (mut right_ccu, _right_answers) = right_bus.ccu().unwrap();
     let (_left_card, mut left_commands) = left_bus.card(Address(1)).unwrap();
@@ -133,15 +112,8 @@ fn there_is_nothing_to_join_before_the_ccu_has_created_it() {
     let home = Home::new();
     let error = SharedBus::join(&home.place).unwrap_err().to_string();
     let root = home.place.root().display();
-    assert_eq!(
-        error,
-        format!("cannot join the bus: there is none in {root}; start the set first")
-    );
-    assert_eq!(
-        home.in_shared_memory(),
-        Vec::<PathBuf>::new(),
-        "a failed join leaves nothing"
-    );
+    assert_eq!(error, format!("cannot join the bus: there is none in {root}; start the set first"));
+    assert_eq!(home.in_shared_memory(), Vec::<PathBuf>::new(), "a failed join leaves nothing");
 }
 
 #[test]
@@ -165,8 +137,7 @@ fn a_killed_card_can_join_again_and_again() {
         assert_eq!(ask(&mut ccu, &mut answers, life), life);
         card.kill().unwrap();
         card.wait().unwrap();
-        ccu.send(&[life], Wake::Card(Address(3)))
-            .expect("a dead reader is no error");
+        ccu.send(&[life], Wake::Card(Address(3))).expect("a dead reader is no error");
         if life % 2 == 0 {
             bus.clean_dead();
         }
@@ -183,9 +154,7 @@ fn a_stopped_card_blocks_nobody_and_hears_again() {
     let id = Pid::from_raw(card.id().try_into().unwrap()).unwrap();
     assert_eq!(ask(&mut ccu, &mut answers, 1), 1);
     kill_process(id, Signal::STOP).unwrap();
-    let (_id, status) = waitpid(Some(id), WaitOptions::UNTRACED)
-        .unwrap()
-        .expect("it was started");
+    let (_id, status) = waitpid(Some(id), WaitOptions::UNTRACED).unwrap().expect("it was started");
     assert!(status.stopped());
     for _ in 0..2 * BUFFER_FRAMES {
         ccu.send(&[2], Wake::Card(Address(3))).unwrap();
@@ -207,10 +176,7 @@ fn a_killed_ccu_and_its_orphans_do_not_stop_the_next_one() {
         ccu.wait().unwrap();
         orphan.kill().unwrap();
         orphan.wait().unwrap();
-        assert!(
-            !home.in_shared_memory().is_empty(),
-            "a killed process leaves files"
-        );
+        assert!(!home.in_shared_memory().is_empty(), "a killed process leaves files");
     }
     let bus = SharedBus::create(&home.place).unwrap();
     let (mut ccu, mut answers) = bus.ccu().unwrap();
@@ -267,18 +233,9 @@ impl Home {
     }
 
     fn in_shared_memory(&self) -> Vec<PathBuf> {
-        let of_ours = |path: &PathBuf| {
-            path.file_name()
-                .unwrap()
-                .to_str()
-                .unwrap()
-                .starts_with(self.place.prefix())
-        };
-        fs::read_dir("/dev/shm")
-            .unwrap()
-            .map(|entry| entry.unwrap().path())
-            .filter(of_ours)
-            .collect()
+        let of_ours =
+            |path: &PathBuf| path.file_name().unwrap().to_str().unwrap().starts_with(self.place.prefix());
+        fs::read_dir("/dev/shm").unwrap().map(|entry| entry.unwrap().path()).filter(of_ours).collect()
     }
 
     /// Another process, whose port stands when this returns.

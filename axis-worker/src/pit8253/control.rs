@@ -193,18 +193,7 @@ impl ControlWord {
             2 => Access::Msb,
             _ => Access::LsbThenMsb,
         };
-        let base = if word & 1 == 0 {
-            Base::Binary
-        } else {
-            Base::Bcd
-        };
-        Self::SetUp {
-            counter,
-            setup: Setup {
-                mode: Mode::of_word(word),
-                access,
-                base,
-            },
-        }
+        let base = if word & 1 == 0 { Base::Binary } else { Base::Bcd };
+        Self::SetUp { counter, setup: Setup { mode: Mode::of_word(word), access, base } }
     }
 }

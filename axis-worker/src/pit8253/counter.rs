@@ -53,11 +53,7 @@ impl Counter {
         count: NonZeroU32::MIN,
         latch: None,
         first_byte: None,
-        setup: Setup {
-            mode: Mode::InterruptOnTerminalCount,
-            access: Access::LsbThenMsb,
-            base: Base::Binary,
-        },
+        setup: Setup { mode: Mode::InterruptOnTerminalCount, access: Access::LsbThenMsb, base: Base::Binary },
         left_base: Base::Binary,
         stage: Stage::NoCount,
         gate: true,
@@ -176,11 +172,7 @@ impl Counter {
         }
         let mut loaded = *self;
         let remaining = nth.get() - loaded.transfer().falling;
-        if remaining == 0 {
-            Some(1)
-        } else {
-            loaded.falling_without_load(remaining)?.checked_add(1)
-        }
+        if remaining == 0 { Some(1) } else { loaded.falling_without_load(remaining)?.checked_add(1) }
     }
 
     /// The counting element as the bus sees it.
@@ -223,10 +215,7 @@ impl Counter {
         let first = self.transfer();
         let later = self.clock_without_load(rest);
         // Each is at most half the pulses, rounded up, so the sums fit.
-        Edges {
-            falling: first.falling + later.falling,
-            rising: first.rising + later.rising,
-        }
+        Edges { falling: first.falling + later.falling, rising: first.rising + later.rising }
     }
 
     /// The pulse that transfers the count register to the counting element. It does not decrement.
@@ -237,10 +226,7 @@ impl Counter {
         // Mode 0 is low since the write, modes 2 and 3 are high since the control word or the low gate.
         let out = match self.setup.mode {
             Mode::InterruptOnTerminalCount | Mode::OneShot => false,
-            Mode::RateGenerator
-            | Mode::SquareWave
-            | Mode::SoftwareStrobe
-            | Mode::HardwareStrobe => true,
+            Mode::RateGenerator | Mode::SquareWave | Mode::SoftwareStrobe | Mode::HardwareStrobe => true,
         };
         self.drive(out)
     }
@@ -252,11 +238,7 @@ impl Counter {
         let mode = self.setup.mode;
         if mode.is_stopped_by_a_low_gate() && !self.gate {
             // OUT stays, except that a strobe is over after its pulse.
-            return if mode == Mode::SoftwareStrobe {
-                self.drive(true)
-            } else {
-                Edges::default()
-            };
+            return if mode == Mode::SoftwareStrobe { self.drive(true) } else { Edges::default() };
         }
         match mode {
             Mode::InterruptOnTerminalCount | Mode::OneShot => match self.count_down(pulses) {
@@ -275,11 +257,7 @@ impl Counter {
         let left = self.left;
         let modulus = self.left_base.modulus().get();
         let steps = self.left_base.remainder(pulses);
-        self.left = if steps < left {
-            left - steps
-        } else {
-            left + modulus - steps
-        };
+        self.left = if steps < left { left - steps } else { left + modulus - steps };
         if self.stage != Stage::Counting {
             return None;
         }
@@ -312,10 +290,7 @@ impl Counter {
             let fell = remaining == 1 && pulses > 0;
             self.left = remaining;
             self.out &= !fell;
-            return Edges {
-                falling: u64::from(fell),
-                rising: 0,
-            };
+            return Edges { falling: u64::from(fell), rising: 0 };
         }
         // To the reload: OUT falls on the way unless it is low already (or a count of 1 keeps it high), and rises.
         let falling = u64::from(left > 1);
@@ -328,10 +303,7 @@ impl Counter {
         let (periods, phase) = divide(pulses - left, self.count);
         self.left = self.count.get() - phase;
         self.out = self.left > 1;
-        Edges {
-            falling: falling + periods + u64::from(!self.out),
-            rising: rising + periods,
-        }
+        Edges { falling: falling + periods + u64::from(!self.out), rising: rising + periods }
     }
 
     /// Mode 3, counting, gate high: OUT toggles at the end of every half period, with a reload.
@@ -373,17 +345,12 @@ impl Counter {
     /// Puts OUT to a level on a CLK pulse.
     fn drive(&mut self, high: bool) -> Edges {
         let was_high = core::mem::replace(&mut self.out, high);
-        Edges {
-            falling: u64::from(was_high && !high),
-            rising: u64::from(!was_high && high),
-        }
+        Edges { falling: u64::from(was_high && !high), rising: u64::from(!was_high && high) }
     }
 
     /// [`clocks_until_falling`](Self::clocks_until_falling) when no transfer is due; `nth` is 1 or more.
     fn falling_without_load(&self, nth: u64) -> Option<u64> {
-        if self.stage != Stage::Counting
-            || (self.setup.mode.is_stopped_by_a_low_gate() && !self.gate)
-        {
+        if self.stage != Stage::Counting || (self.setup.mode.is_stopped_by_a_low_gate() && !self.gate) {
             return None;
         }
         let left = u64::from(self.left);
@@ -398,11 +365,7 @@ impl Counter {
             Mode::RateGenerator => (left - 1, if left > 1 { nth - 1 } else { nth }),
             Mode::SquareWave => {
                 let half = u64::from(half_period(self.left, self.out));
-                let high_half = if self.out {
-                    0
-                } else {
-                    u64::from(half_period(self.count.get(), true))
-                };
+                let high_half = if self.out { 0 } else { u64::from(half_period(self.count.get(), true)) };
                 (half + high_half, nth - 1)
             }
         };

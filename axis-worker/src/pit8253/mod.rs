@@ -82,9 +82,7 @@ impl Pit8253 {
     /// A chip that has just been powered up (see the module's list of what the data sheets leave open).
     #[must_use]
     pub const fn new() -> Self {
-        Self {
-            counters: [Counter::POWERED_UP; 3],
-        }
+        Self { counters: [Counter::POWERED_UP; 3] }
     }
 
     /// A write with A1 A0 = 11. Either sets up a counter (which stops it, releases its latch, forgets a half-written

@@ -12,13 +12,7 @@ pub(super) struct Oracle {
 
 impl Oracle {
     pub(super) fn new() -> Self {
-        Self {
-            counters: [
-                OracleCounter::new(),
-                OracleCounter::new(),
-                OracleCounter::new(),
-            ],
-        }
+        Self { counters: [OracleCounter::new(), OracleCounter::new(), OracleCounter::new()] }
     }
 
     pub(super) fn counter(&mut self, counter: CounterId) -> &mut OracleCounter {
@@ -273,11 +267,7 @@ impl OracleCounter {
             }
             4 | 5 => {
                 self.out = true;
-                let (load, enabled) = if self.mode == 4 {
-                    (write, self.gate)
-                } else {
-                    (trigger, true)
-                };
+                let (load, enabled) = if self.mode == 4 { (write, self.gate) } else { (trigger, true) };
                 if load {
                     self.load();
                 } else if self.loaded && enabled {

@@ -190,13 +190,7 @@ fn a_count_of_1_keeps_out_high_in_modes_2_and_3() {
         pit.clock(Zero, 2);
         assert!(!pit.output(Zero));
         pit.write(Zero, 1);
-        assert_eq!(
-            pit.clock(Zero, 9),
-            Edges {
-                falling: 0,
-                rising: 1
-            }
-        );
+        assert_eq!(pit.clock(Zero, 9), Edges { falling: 0, rising: 1 });
     }
 }
 
@@ -249,13 +243,7 @@ fn bcd_counts_in_digits_and_wraps_at_9999() {
     pit.load(Zero, Count(0x1000));
     pit.clock(Zero, 2);
     assert_eq!(pit.latch_and_read(Zero), 0x0999);
-    assert_eq!(
-        pit.clock(Zero, 999),
-        Edges {
-            falling: 0,
-            rising: 1
-        }
-    );
+    assert_eq!(pit.clock(Zero, 999), Edges { falling: 0, rising: 1 });
     assert_eq!(pit.latch_and_read(Zero), 0x0000);
     pit.clock(Zero, 1);
     assert_eq!(pit.latch_and_read(Zero), 0x9999);
@@ -455,16 +443,8 @@ fn check_prediction(pit: &Pit8253, oracle: &mut Oracle, limit: u64) -> Result<()
             }
         }
         for n in 1..=falls.len() + 2 {
-            let predicted = pit
-                .clocks_until_falling(id, nth(n as u64))
-                .filter(|pulse| *pulse <= limit);
-            prop_assert_eq!(
-                predicted,
-                falls.get(n - 1).copied(),
-                "fall {} of {:?}",
-                n,
-                id
-            );
+            let predicted = pit.clocks_until_falling(id, nth(n as u64)).filter(|pulse| *pulse <= limit);
+            prop_assert_eq!(predicted, falls.get(n - 1).copied(), "fall {} of {:?}", n, id);
         }
     }
     Ok(())

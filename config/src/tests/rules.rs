@@ -5,26 +5,15 @@ use crate::{Config, Problem};
 
 #[test]
 fn one_to_seven_axes() {
-    breaks(
-        "axis = []",
-        "set.toml:1:8: axis: a set needs at least one axis",
-        "[[axis]]",
-    );
+    breaks("axis = []", "set.toml:1:8: axis: a set needs at least one axis", "[[axis]]");
     let mut eight = String::new();
     for number in 1..=8 {
         let number = if number == 8 { 7 } else { number };
         eight += &AXIS.replace("address = 1", &format!("address = {number}"));
     }
     let error = Config::from_toml(&eight, "set.toml").expect_err("eight axes");
-    let problems: Vec<_> = error
-        .faults()
-        .iter()
-        .map(|fault| fault.problem().clone())
-        .collect();
-    assert!(
-        problems.contains(&Problem::TooManyAxes { count: 8 }),
-        "{problems:?}"
-    );
+    let problems: Vec<_> = error.faults().iter().map(|fault| fault.problem().clone()).collect();
+    assert!(problems.contains(&Problem::TooManyAxes { count: 8 }), "{problems:?}");
     assert!(error.to_string().contains("36:1 axis[7]"), "{error}");
 }
 
@@ -36,13 +25,7 @@ fn addresses_are_unique() {
         "set.toml:7:11: axis[1].address: address 1 is already that of `a`",
         "an address of its own",
     );
-    assert!(
-        messages(&text)
-            .1
-            .contains("line 2, column 11: first used here"),
-        "{}",
-        messages(&text).1
-    );
+    assert!(messages(&text).1.contains("line 2, column 11: first used here"), "{}", messages(&text).1);
 }
 
 #[test]
@@ -185,8 +168,7 @@ fn ramps_are_usable() {
 
 #[test]
 fn digital_lines_exist_and_are_unique() {
-    let output =
-        |bit: u8, name: &str| format!("[[digital.output]]\nbit = {bit}\nname = \"{name}\"\n");
+    let output = |bit: u8, name: &str| format!("[[digital.output]]\nbit = {bit}\nname = \"{name}\"\n");
     breaks(
         &axis_and(&output(16, "o")),
         "set.toml:7:7: digital.output[0].bit: there is no line 16, a card has the lines 0 to 15",
@@ -207,12 +189,9 @@ fn digital_lines_exist_and_are_unique() {
         "set.toml:8:8: digital.output[0].name: \"All\" cannot be a name",
         "lower-case",
     );
-    let input = |more: &str| {
-        axis_and(&(output(0, "gripper") + "[[digital.input]]\nbit = 0\nname = \"i\"\n" + more))
-    };
-    assert!(
-        Config::from_toml(&input("follows = \"gripper\"\ndelay_ms = 80\n"), "set.toml").is_ok()
-    );
+    let input =
+        |more: &str| axis_and(&(output(0, "gripper") + "[[digital.input]]\nbit = 0\nname = \"i\"\n" + more));
+    assert!(Config::from_toml(&input("follows = \"gripper\"\ndelay_ms = 80\n"), "set.toml").is_ok());
     breaks(
         &input("follows = \"griper\"\n"),
         "set.toml:12:11: digital.input[0].follows: there is no output `griper`",
@@ -241,10 +220,7 @@ fn milliseconds_are_not_zero() {
     ] {
         breaks(
             &axis_and(&format!("[{table}]\n{key} = 0\n")),
-            &format!(
-                "set.toml:7:{}: {table}.{key}: this must not be 0",
-                key.len() + 4
-            ),
+            &format!("set.toml:7:{}: {table}.{key}: this must not be 0", key.len() + 4),
             "1 or more",
         );
     }
@@ -276,11 +252,7 @@ fn all_broken_rules_are_told_at_once() {
         message,
         "set.toml has 3 faults, at 4:88 axis[0].rail.start, 5:18 axis[0].travel.min, 7:12 log.flush_ms"
     );
-    for part in [
-        "50000 is beyond the end",
-        "position -5 lies",
-        "this must not be 0",
-    ] {
+    for part in ["50000 is beyond the end", "position -5 lies", "this must not be 0"] {
         assert!(drawn.contains(part), "no {part:?} in\n{drawn}");
     }
 }

@@ -15,15 +15,9 @@ fn texts_that_are_not_toml() {
         "key = value",
     );
     let (message, _) = messages("[ramp\n");
-    assert!(
-        message.starts_with("set.toml:1:6: ramp: this is not TOML: "),
-        "{message}"
-    );
+    assert!(message.starts_with("set.toml:1:6: ramp: this is not TOML: "), "{message}");
     let (message, _) = messages(&format!("{AXIS}{}", AXIS.replace("\"a\"", "\"a")));
-    assert!(
-        message.starts_with("set.toml:8:10: axis[1].name: this is not TOML: "),
-        "{message}"
-    );
+    assert!(message.starts_with("set.toml:8:10: axis[1].name: this is not TOML: "), "{message}");
 }
 
 #[test]

@@ -6,9 +6,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::Duration;
 
 use super::line::Line;
-use super::{
-    BUFFER_FRAMES, Bus, BusError, Lane, Receive, Tap, Transmit, Wake, Waker, check_length,
-};
+use super::{BUFFER_FRAMES, Bus, BusError, Lane, Receive, Tap, Transmit, Wake, Waker, check_length};
 use crate::units::Address;
 
 /// A bus whose ports live in this process. Clones are the same bus.
@@ -26,35 +24,18 @@ impl InProcessBus {
 
     fn port(&self, hears: Lane, line: Line) -> (InProcessTransmit, InProcessReceive) {
         let mailbox = Arc::<Mailbox>::default();
-        lock(&self.readers).push(Reader {
-            hears,
-            line: Some(line),
-            mailbox: Arc::downgrade(&mailbox),
-        });
+        lock(&self.readers).push(Reader { hears, line: Some(line), mailbox: Arc::downgrade(&mailbox) });
         let speaks = match hears {
             Lane::Commands => Lane::Answers,
             Lane::Answers => Lane::Commands,
         };
-        (
-            InProcessTransmit {
-                speaks,
-                readers: Arc::clone(&self.readers),
-            },
-            InProcessReceive { mailbox },
-        )
+        (InProcessTransmit { speaks, readers: Arc::clone(&self.readers) }, InProcessReceive { mailbox })
     }
 
     fn silent(&self, hears: Lane) -> Arc<Mailbox> {
         let mailbox = Arc::<Mailbox>::default();
         // In front of all ports, so that an answer never overtakes its command on the way to a tap.
-        lock(&self.readers).insert(
-            0,
-            Reader {
-                hears,
-                line: None,
-                mailbox: Arc::downgrade(&mailbox),
-            },
-        );
+        lock(&self.readers).insert(0, Reader { hears, line: None, mailbox: Arc::downgrade(&mailbox) });
         mailbox
     }
 }
@@ -73,10 +54,7 @@ impl Bus for InProcessBus {
     }
 
     fn tap(&self) -> Result<InProcessTap, BusError> {
-        Ok(InProcessTap {
-            commands: self.silent(Lane::Commands),
-            answers: self.silent(Lane::Answers),
-        })
+        Ok(InProcessTap { commands: self.silent(Lane::Commands), answers: self.silent(Lane::Answers) })
     }
 }
 
@@ -95,10 +73,7 @@ impl Transmit for InProcessTransmit {
                 return false;
             };
             if reader.hears == self.speaks {
-                mailbox.put(
-                    frame,
-                    reader.line.is_some_and(|line| line.is_raised_by(wake)),
-                );
+                mailbox.put(frame, reader.line.is_some_and(|line| line.is_raised_by(wake)));
             }
             true
         });

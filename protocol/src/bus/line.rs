@@ -31,10 +31,7 @@ impl Line {
     /// If there is no one card with this address.
     pub(super) fn of_card(address: Address) -> Result<Self, BusError> {
         Self::listening_at(address).ok_or_else(|| {
-            BusError::open(
-                "make a card's port",
-                format!("{address} is not one card; cards are 1 to 9"),
-            )
+            BusError::open("make a card's port", format!("{address} is not one card; cards are 1 to 9"))
         })
     }
 
@@ -50,9 +47,9 @@ impl Line {
     pub(super) fn is_raised_by(self, wake: Wake) -> bool {
         match (self, wake) {
             (_, Wake::Nobody) => false,
-            (Self::AnswerReady, _)
-            | (_, Wake::Everyone)
-            | (Self::Axis(_), Wake::Card(Address::EVERYONE)) => true,
+            (Self::AnswerReady, _) | (_, Wake::Everyone) | (Self::Axis(_), Wake::Card(Address::EVERYONE)) => {
+                true
+            }
             (line, Wake::Card(address)) => Self::listening_at(address) == Some(line),
         }
     }
@@ -72,10 +69,7 @@ mod tests {
     use super::*;
 
     fn raised(wake: Wake) -> Vec<usize> {
-        Line::cards()
-            .filter(|line| line.is_raised_by(wake))
-            .map(Line::index)
-            .collect()
+        Line::cards().filter(|line| line.is_raised_by(wake)).map(Line::index).collect()
     }
 
     #[test]

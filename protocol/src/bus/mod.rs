@@ -169,25 +169,15 @@ pub enum BusError {
 
 impl BusError {
     fn open(what: &'static str, reason: impl fmt::Display) -> Self {
-        Self::Open {
-            what,
-            reason: reason.to_string(),
-        }
+        Self::Open { what, reason: reason.to_string() }
     }
 
     fn broken(what: &'static str, reason: impl fmt::Display) -> Self {
-        Self::Broken {
-            what,
-            reason: reason.to_string(),
-        }
+        Self::Broken { what, reason: reason.to_string() }
     }
 }
 
 /// Both carriers refuse what no receiver would take.
 fn check_length(frame: &[u8]) -> Result<(), BusError> {
-    if frame.len() > MAX_FRAME_BYTES {
-        Err(BusError::TooLong { bytes: frame.len() })
-    } else {
-        Ok(())
-    }
+    if frame.len() > MAX_FRAME_BYTES { Err(BusError::TooLong { bytes: frame.len() }) } else { Ok(()) }
 }

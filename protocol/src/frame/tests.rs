@@ -57,12 +57,7 @@ fn a_start_frame_carries_its_tick() {
         tick: Tick(2_000_000),
         body: Body::Command(start),
     };
-    check(
-        &frame,
-        &[
-            0x00, 0x00, 0x80, 0x89, 0x7A, 0x00, 0x02, 0x00, 0x0B, 0x01, 0xE4, 0x89, 0x7A,
-        ],
-    );
+    check(&frame, &[0x00, 0x00, 0x80, 0x89, 0x7A, 0x00, 0x02, 0x00, 0x0B, 0x01, 0xE4, 0x89, 0x7A]);
 }
 
 #[test]
@@ -124,25 +119,11 @@ fn an_unasked_alarm_and_a_refusal_have_these_bytes() {
         tick: Tick(6),
         body: Body::Answer(answer),
     };
-    let tail = [
-        0x05, 0x00, 0x00, 0x00, 0x00, 0x08, 0x01, 0x03, 0xE0, 0xD4, 0x03,
-    ];
-    check(
-        &frame,
-        &[&[0x01, 0x07, 0x00, 0x06, 0x01, 0x07, 0x01, 0x01][..], &tail].concat(),
-    );
+    let tail = [0x05, 0x00, 0x00, 0x00, 0x00, 0x08, 0x01, 0x03, 0xE0, 0xD4, 0x03];
+    check(&frame, &[&[0x01, 0x07, 0x00, 0x06, 0x01, 0x07, 0x01, 0x01][..], &tail].concat());
     answer.about = About::Command(Sequence(2), Err(Refusal::SpeedOutOfRange { speed: 233 }));
     frame.body = Body::Answer(answer);
-    check(
-        &frame,
-        &[
-            &[
-                0x01, 0x07, 0x00, 0x06, 0x01, 0x07, 0x00, 0x02, 0x01, 0x07, 0xE9,
-            ][..],
-            &tail,
-        ]
-        .concat(),
-    );
+    check(&frame, &[&[0x01, 0x07, 0x00, 0x06, 0x01, 0x07, 0x00, 0x02, 0x01, 0x07, 0xE9][..], &tail].concat());
 }
 
 #[test]
@@ -188,35 +169,21 @@ fn bytes_left_over_are_an_error_that_counts_them() {
     let mut bytes = frame.encode();
     bytes.extend([0, 0, 0]);
     assert_eq!(Frame::decode(&bytes), Err(FrameError::Trailing(3)));
-    assert_eq!(
-        FrameError::Trailing(3).to_string(),
-        "not a frame: 3 bytes too many"
-    );
-    assert!(matches!(
-        Frame::decode(&bytes[..4]),
-        Err(FrameError::Undecodable(_))
-    ));
+    assert_eq!(FrameError::Trailing(3).to_string(), "not a frame: 3 bytes too many");
+    assert!(matches!(Frame::decode(&bytes[..4]), Err(FrameError::Undecodable(_))));
 }
 
 #[test]
 fn nine_command_bytes_do_not_come_through_a_frame() {
-    let bytes = [
-        0x00, 0x00, 0x00, 0x00, 0x09, 1, 2, 3, 4, 5, 6, 7, 8, 9, 0x00,
-    ];
-    assert!(matches!(
-        Frame::decode(&bytes),
-        Err(FrameError::Undecodable(_))
-    ));
+    let bytes = [0x00, 0x00, 0x00, 0x00, 0x09, 1, 2, 3, 4, 5, 6, 7, 8, 9, 0x00];
+    assert!(matches!(Frame::decode(&bytes), Err(FrameError::Undecodable(_))));
 }
 
 #[test]
 fn senders_print_as_people_name_them() {
     assert_eq!(Sender::Ccu.to_string(), "CCU");
     assert_eq!(Sender::Card(Address(3)).to_string(), "axis 3");
-    assert_eq!(
-        Sender::Card(Address(8)).to_string(),
-        "card 8 (digital inputs)"
-    );
+    assert_eq!(Sender::Card(Address(8)).to_string(), "card 8 (digital inputs)");
 }
 
 fn any_refusal() -> impl Strategy<Value = Refusal> {
@@ -273,20 +240,13 @@ fn any_axis_report() -> impl Strategy<Value = AxisReport> {
         Activity::Originating,
         Activity::SeekingReference,
     ]);
-    let parts = (
-        any::<[bool; 5]>(),
-        any::<u32>(),
-        any::<Option<i32>>(),
-        activity,
-        proptest::option::of(any_alarm()),
-    );
+    let parts =
+        (any::<[bool; 5]>(), any::<u32>(), any::<Option<i32>>(), activity, proptest::option::of(any_alarm()));
     parts.prop_map(|(points, steps, position, activity, alarm)| AxisReport {
         sense: SensePoint::ALL
             .into_iter()
             .zip(points)
-            .fold(StatusWord::default(), |word, (point, on)| {
-                word.with(point, on)
-            }),
+            .fold(StatusWord::default(), |word, (point, on)| word.with(point, on)),
         steps: Steps(steps),
         position: position.map(Position),
         activity,
@@ -307,10 +267,8 @@ fn any_answer() -> impl Strategy<Value = Answer> {
         }),
         occasion.prop_map(About::Unasked),
     ];
-    let report = prop_oneof![
-        any_axis_report().prop_map(Report::Axis),
-        any::<u16>().prop_map(Report::Digital)
-    ];
+    let report =
+        prop_oneof![any_axis_report().prop_map(Report::Axis), any::<u16>().prop_map(Report::Digital)];
     (any::<u8>(), about, any::<u64>(), report).prop_map(|(card, about, acted_at, report)| Answer {
         card: Address(card),
         about,
@@ -320,26 +278,15 @@ fn any_answer() -> impl Strategy<Value = Answer> {
 }
 
 fn any_frame() -> impl Strategy<Value = Frame> {
-    let command = (
-        proptest::collection::vec(any::<u8>(), 0..=CommandBytes::MAX),
-        any::<Option<u64>>(),
-    )
-        .prop_map(|(bytes, at)| Broadcast {
-            bytes: bytes.try_into().unwrap(),
-            at: at.map(Tick),
-        });
-    let body = prop_oneof![
-        command.prop_map(Body::Command),
-        any_answer().prop_map(Body::Answer)
-    ];
-    (any::<Option<u8>>(), any::<u64>(), any::<u64>(), body).prop_map(
-        |(card, sequence, tick, body)| Frame {
-            sender: card.map_or(Sender::Ccu, |address| Sender::Card(Address(address))),
-            sequence: Sequence(sequence),
-            tick: Tick(tick),
-            body,
-        },
-    )
+    let command = (proptest::collection::vec(any::<u8>(), 0..=CommandBytes::MAX), any::<Option<u64>>())
+        .prop_map(|(bytes, at)| Broadcast { bytes: bytes.try_into().unwrap(), at: at.map(Tick) });
+    let body = prop_oneof![command.prop_map(Body::Command), any_answer().prop_map(Body::Answer)];
+    (any::<Option<u8>>(), any::<u64>(), any::<u64>(), body).prop_map(|(card, sequence, tick, body)| Frame {
+        sender: card.map_or(Sender::Ccu, |address| Sender::Card(Address(address))),
+        sequence: Sequence(sequence),
+        tick: Tick(tick),
+        body,
+    })
 }
 
 proptest! {

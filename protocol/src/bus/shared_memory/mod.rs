@@ -89,10 +89,7 @@ impl SharedBus {
         if !place.is_inhabited() {
             return Err(BusError::open(
                 "join the bus",
-                format!(
-                    "there is none in {}; start the set first",
-                    place.root().display()
-                ),
+                format!("there is none in {}; start the set first", place.root().display()),
             ));
         }
         Self::enter(&place.config()?, Entry::Open)
@@ -102,10 +99,7 @@ impl SharedBus {
     pub fn clean_dead(&self) {
         let state = self.node.blocking_cleanup_dead_nodes(CLEANING);
         if state.failed_cleanups > 0 {
-            tracing::warn!(
-                failed = state.failed_cleanups,
-                "the remains of killed processes stay on the bus"
-            );
+            tracing::warn!(failed = state.failed_cleanups, "the remains of killed processes stay on the bus");
         } else if state.cleanups > 0 {
             tracing::debug!(cleaned = state.cleanups, "cleared away killed processes");
         }
@@ -130,9 +124,7 @@ impl SharedBus {
             record: frames(&node, entry, "record", 1, TAPS)?,
             commands: frames(&node, entry, "commands", 1, CARDS)?,
             answers: frames(&node, entry, "answers", CARDS, 1 + TAPS)?,
-            lines: Line::all()
-                .map(|line| event(&node, entry, line))
-                .collect::<Result<_, _>>()?,
+            lines: Line::all().map(|line| event(&node, entry, line)).collect::<Result<_, _>>()?,
             node,
         })
     }
@@ -158,11 +150,7 @@ impl SharedBus {
                 tracing::warn!(%error, "a port could not be woken");
             }
         });
-        Ok(SharedReceive {
-            subscriber: subscriber(frames)?,
-            listener: self.listener(line)?,
-            waker,
-        })
+        Ok(SharedReceive { subscriber: subscriber(frames)?, listener: self.listener(line)?, waker })
     }
 }
 
@@ -172,31 +160,21 @@ impl Bus for SharedBus {
     type Tap = SharedTap;
 
     fn ccu(&self) -> Result<(SharedTransmit, SharedReceive), BusError> {
-        let lines = Line::cards()
-            .map(|line| Ok((line, self.notifier(line)?)))
-            .collect::<Result<_, BusError>>()?;
+        let lines =
+            Line::cards().map(|line| Ok((line, self.notifier(line)?))).collect::<Result<_, BusError>>()?;
         let publishers = vec![publisher(&self.record)?, publisher(&self.commands)?];
-        Ok((
-            SharedTransmit { publishers, lines },
-            self.receive(&self.answers, Line::AnswerReady)?,
-        ))
+        Ok((SharedTransmit { publishers, lines }, self.receive(&self.answers, Line::AnswerReady)?))
     }
 
     fn card(&self, address: Address) -> Result<(SharedTransmit, SharedReceive), BusError> {
         let line = Line::of_card(address)?;
         let lines = vec![(Line::AnswerReady, self.notifier(Line::AnswerReady)?)];
         let publishers = vec![publisher(&self.answers)?];
-        Ok((
-            SharedTransmit { publishers, lines },
-            self.receive(&self.commands, line)?,
-        ))
+        Ok((SharedTransmit { publishers, lines }, self.receive(&self.commands, line)?))
     }
 
     fn tap(&self) -> Result<SharedTap, BusError> {
-        Ok(SharedTap {
-            commands: subscriber(&self.record)?,
-            answers: subscriber(&self.answers)?,
-        })
+        Ok(SharedTap { commands: subscriber(&self.record)?, answers: subscriber(&self.answers)? })
     }
 }
 
@@ -229,12 +207,8 @@ fn frames(
         .max_subscribers(subscribers)
         .max_nodes(NODES);
     match entry {
-        Entry::Create => builder
-            .create()
-            .map_err(|error| refused(entry, service, &error)),
-        Entry::Open => builder
-            .open()
-            .map_err(|error| refused(entry, service, &error)),
+        Entry::Create => builder.create().map_err(|error| refused(entry, service, &error)),
+        Entry::Open => builder.open().map_err(|error| refused(entry, service, &error)),
     }
 }
 
@@ -248,12 +222,8 @@ fn event(node: &Node<Carrier>, entry: Entry, line: Line) -> Result<Event, BusErr
         .max_listeners(LISTENERS)
         .max_nodes(NODES);
     match entry {
-        Entry::Create => builder
-            .create()
-            .map_err(|error| refused(entry, &service, &error)),
-        Entry::Open => builder
-            .open()
-            .map_err(|error| refused(entry, &service, &error)),
+        Entry::Create => builder.create().map_err(|error| refused(entry, &service, &error)),
+        Entry::Open => builder.open().map_err(|error| refused(entry, &service, &error)),
     }
 }
 
@@ -277,10 +247,7 @@ fn publisher(frames: &Frames) -> Result<Publisher<Carrier, [u8], ()>, BusError> 
 }
 
 fn subscriber(frames: &Frames) -> Result<Subscriber<Carrier, [u8], ()>, BusError> {
-    frames
-        .subscriber_builder()
-        .create()
-        .map_err(|error| BusError::open("make a receiving port", error))
+    frames.subscriber_builder().create().map_err(|error| BusError::open("make a receiving port", error))
 }
 
 /// iceoryx2 speaks through `tracing`; this spares it the making of messages that nobody listens to.

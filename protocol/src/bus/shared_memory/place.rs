@@ -40,18 +40,12 @@ impl Place {
         const WHAT: &str = "place the bus";
         let root = root.into();
         if !root.is_absolute() {
-            return Err(BusError::open(
-                WHAT,
-                format!("{} is not an absolute path", root.display()),
-            ));
+            return Err(BusError::open(WHAT, format!("{} is not an absolute path", root.display())));
         }
         let prefix = prefix_of(&root);
         let place = Self { root, prefix };
         let length = place.folder().as_os_str().len() + place.prefix.len() + SOCKET_NAME_BYTES;
-        if let Some(excess) = length
-            .checked_sub(SOCKET_PATH_BYTES)
-            .filter(|&excess| excess > 0)
-        {
+        if let Some(excess) = length.checked_sub(SOCKET_PATH_BYTES).filter(|&excess| excess > 0) {
             return Err(BusError::open(
                 WHAT,
                 format!(
@@ -94,9 +88,7 @@ impl Place {
     /// iceoryx2 makes the counter of its nodes writable by every user of the machine; this takes it back.
     pub(super) fn seal(&self) -> Result<(), BusError> {
         const WHAT: &str = "close the bus to other users";
-        let files = self
-            .shared_files()
-            .map_err(|error| BusError::open(WHAT, at(SHARED_MEMORY, &error)))?;
+        let files = self.shared_files().map_err(|error| BusError::open(WHAT, at(SHARED_MEMORY, &error)))?;
         for file in files {
             fs::set_permissions(&file, Permissions::from_mode(0o600))
                 .map_err(|error| BusError::open(WHAT, at(&file, &error)))?;
@@ -110,26 +102,18 @@ impl Place {
         let folder = self.folder();
         unless_gone(fs::remove_dir_all(&folder))
             .map_err(|error| BusError::open(WHAT, at(&folder, &error)))?;
-        let files = self
-            .shared_files()
-            .map_err(|error| BusError::open(WHAT, at(SHARED_MEMORY, &error)))?;
+        let files = self.shared_files().map_err(|error| BusError::open(WHAT, at(SHARED_MEMORY, &error)))?;
         for file in files {
-            unless_gone(fs::remove_file(&file))
-                .map_err(|error| BusError::open(WHAT, at(&file, &error)))?;
+            unless_gone(fs::remove_file(&file)).map_err(|error| BusError::open(WHAT, at(&file, &error)))?;
         }
         Ok(())
     }
 
     /// iceoryx2's configuration for this place: set here in full, no file is looked for.
     pub(super) fn config(&self) -> Result<Config, BusError> {
-        let malformed = |error| {
-            BusError::open(
-                "place the bus",
-                format!("{}: {error:?}", self.root.display()),
-            )
-        };
-        let folder = iceoryx2::prelude::Path::new(self.folder().as_os_str().as_bytes())
-            .map_err(malformed)?;
+        let malformed =
+            |error| BusError::open("place the bus", format!("{}: {error:?}", self.root.display()));
+        let folder = iceoryx2::prelude::Path::new(self.folder().as_os_str().as_bytes()).map_err(malformed)?;
         let mut config = Config::default();
         config.global.set_root_path(&folder);
         config.global.prefix = FileName::new(self.prefix.as_bytes()).map_err(malformed)?;
@@ -152,11 +136,7 @@ impl Place {
         let mut files = Vec::new();
         for entry in entries {
             let entry = entry?;
-            if entry
-                .file_name()
-                .as_bytes()
-                .starts_with(self.prefix.as_bytes())
-            {
+            if entry.file_name().as_bytes().starts_with(self.prefix.as_bytes()) {
                 files.push(entry.path());
             }
         }
@@ -167,13 +147,9 @@ impl Place {
 /// `ss_`, 48 bits of the path's FNV-1a hash, and a dot. Not the standard library's hash, which another compiler's
 /// worker might compute differently.
 fn prefix_of(root: &Path) -> String {
-    let hash = root
-        .as_os_str()
-        .as_bytes()
-        .iter()
-        .fold(0xcbf2_9ce4_8422_2325_u64, |hash, &byte| {
-            (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
-        });
+    let hash = root.as_os_str().as_bytes().iter().fold(0xcbf2_9ce4_8422_2325_u64, |hash, &byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+    });
     format!("ss_{:012x}.", hash >> 16)
 }
 
@@ -197,19 +173,14 @@ mod tests {
         // The published 64-bit FNV-1a values of "a" and "foobar": af63dc4c8601ec8c, 85944171f73967e8.
         assert_eq!(prefix_of(Path::new("a")), "ss_af63dc4c8601.");
         assert_eq!(prefix_of(Path::new("foobar")), "ss_85944171f739.");
-        assert_ne!(
-            Place::new("/run/a").unwrap().prefix(),
-            Place::new("/run/b").unwrap().prefix()
-        );
+        assert_ne!(Place::new("/run/a").unwrap().prefix(), Place::new("/run/b").unwrap().prefix());
     }
 
     #[test]
     fn a_root_whose_sockets_could_not_be_named_is_refused_with_the_excess() {
         // 107 bytes − "/bus" (4) − prefix (16) − "/" (1) − number (36) − ".ev" (3) leave 47.
         assert!(Place::new(format!("/{}", "r".repeat(46))).is_ok());
-        let error = Place::new(format!("/{}", "r".repeat(49)))
-            .unwrap_err()
-            .to_string();
+        let error = Place::new(format!("/{}", "r".repeat(49))).unwrap_err().to_string();
         assert!(
             error.ends_with("is 3 bytes too long for the sockets in it; choose a shorter name"),
             "{error}"
@@ -219,9 +190,6 @@ mod tests {
     #[test]
     fn a_relative_root_is_refused() {
         let error = Place::new("run/set").unwrap_err().to_string();
-        assert_eq!(
-            error,
-            "cannot place the bus: run/set is not an absolute path"
-        );
+        assert_eq!(error, "cannot place the bus: run/set is not an absolute path");
     }
 }

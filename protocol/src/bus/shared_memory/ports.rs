@@ -8,9 +8,7 @@ use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::ipc_threadsafe;
-use iceoryx2_bb_posix::file_descriptor_set::{
-    FileDescriptorSet, FileDescriptorSetWaitError, FileEvent,
-};
+use iceoryx2_bb_posix::file_descriptor_set::{FileDescriptorSet, FileDescriptorSetWaitError, FileEvent};
 
 use super::super::line::Line;
 use super::super::{BusError, Lane, Receive, Tap, Transmit, Wake, Waker, check_length};
@@ -37,16 +35,11 @@ impl Transmit for SharedTransmit {
             let sample = publisher
                 .loan_slice_uninit(frame.len())
                 .map_err(|error| BusError::broken("find room for a frame", error))?;
-            sample
-                .write_from_slice(frame)
-                .send()
-                .map_err(|error| BusError::broken("send a frame", error))?;
+            sample.write_from_slice(frame).send().map_err(|error| BusError::broken("send a frame", error))?;
         }
         for (line, notifier) in &self.lines {
             if line.is_raised_by(wake) {
-                notifier
-                    .notify()
-                    .map_err(|error| BusError::broken("raise a line", error))?;
+                notifier.notify().map_err(|error| BusError::broken("raise a line", error))?;
             }
         }
         Ok(())
@@ -64,10 +57,8 @@ pub struct SharedReceive {
 impl SharedReceive {
     /// Takes back what has been raised; whether anything had been.
     fn lower(&self) -> Result<bool, BusError> {
-        let raised = self
-            .listener
-            .try_wait(|_| ())
-            .map_err(|error| BusError::broken("read a line", error))?;
+        let raised =
+            self.listener.try_wait(|_| ()).map_err(|error| BusError::broken("read a line", error))?;
         Ok(raised > 0)
     }
 }
@@ -126,8 +117,6 @@ impl Tap for SharedTap {
 }
 
 fn next(subscriber: &Subscriber<Carrier, [u8], ()>) -> Result<Option<Vec<u8>>, BusError> {
-    let sample = subscriber
-        .receive()
-        .map_err(|error| BusError::broken("receive a frame", error))?;
+    let sample = subscriber.receive().map_err(|error| BusError::broken("receive a frame", error))?;
     Ok(sample.map(|sample| sample.payload().to_vec()))
 }

@@ -1,0 +1,139 @@
+//! One axis: firmware, 8253 and mechanism as one deterministic machine. Commands come in at a tick, answers and pulses go
+//! out at a tick. It reads no clock, waits for nobody and knows no bus.
+
+use supersigma_config::{AxisConfig, RampConfig, RampError};
+use supersigma_protocol::{
+    About, Activity, Alarm, Answer, AxisNumber, AxisReport, Command, Occasion, Refusal, Report, StatusWord,
+    Tick,
+};
+
+use crate::board::{Board, Sink};
+use crate::firmware::Firmware;
+use crate::mechanism::Mechanism;
+use crate::ramp::Table;
+
+/// A motor card with its motor and rail, at the tick that it has reached.
+#[derive(Debug)]
+pub struct Axis {
+    number: AxisNumber,
+    firmware: Firmware,
+    board: Board,
+    told: Told,
+}
+
+/// What the CCU was told last.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Told {
+    sense: StatusWord,
+    activity: Activity,
+    alarm: Option<Alarm>,
+}
+
+impl From<&AxisReport> for Told {
+    fn from(report: &AxisReport) -> Self {
+        Self { sense: report.sense, activity: report.activity, alarm: report.alarm }
+    }
+}
+
+impl Axis {
+    /// The axis at switch-on, tick 0.
+    ///
+    /// # Errors
+    /// If the ramp does not give a table.
+    pub fn new(axis: &AxisConfig, ramp: &RampConfig) -> Result<Self, RampError> {
+        let firmware = Firmware::new(axis, ramp)?;
+        let mut board = Board::new(Mechanism::new(&axis.rail));
+        let told = Told::from(&firmware.report(&mut board));
+        Ok(Self { number: axis.address, firmware, board, told })
+    }
+
+    /// Its card's number.
+    #[must_use]
+    pub fn number(&self) -> AxisNumber {
+        self.number
+    }
+
+    /// The time that it has reached.
+    #[must_use]
+    pub fn now(&self) -> Tick {
+        self.board.now()
+    }
+
+    /// Its ramp.
+    #[must_use]
+    pub fn table(&self) -> &Table {
+        self.firmware.table()
+    }
+
+    /// What really stands on the rail, whatever the firmware believes.
+    #[must_use]
+    pub fn mechanism(&self) -> &Mechanism {
+        self.board.mechanism()
+    }
+
+    /// The next tick at which anything happens by itself; `None` while the axis stands.
+    #[must_use]
+    pub fn next_event(&self) -> Option<Tick> {
+        let wake = self.firmware.wake_at()?;
+        Some(self.board.next_change().map_or(wake, |change| change.min(wake)))
+    }
+
+    /// Lets time pass up to and including `to`.
+    pub fn advance(&mut self, to: Tick, sink: &mut impl Sink) {
+        loop {
+            let wake = self.firmware.wake_at().filter(|wake| *wake <= to);
+            if self.board.run(wake.unwrap_or(to), sink) {
+                self.firmware.sense(&mut self.board, sink);
+            }
+            let due = self.firmware.wake_at().is_some_and(|wake| wake <= self.board.now());
+            if due {
+                self.firmware.wake(&mut self.board, sink);
+            }
+            self.tell_changes(sink);
+            if !due && self.board.now() >= to {
+                return;
+            }
+        }
+    }
+
+    /// Carries out a command, now; the answer is the caller's to send. `at` is the tick that the frame names.
+    ///
+    /// # Errors
+    /// Why it was refused; then nothing has changed.
+    pub fn deliver(
+        &mut self,
+        command: Command,
+        at: Option<Tick>,
+        sink: &mut impl Sink,
+    ) -> Result<(), Refusal> {
+        let alone = command.to == self.number.address();
+        self.firmware.deliver(command.operation, at, alone, &mut self.board, sink)
+    }
+
+    /// Brakes because of something that is no command, and holds the axis until it is cleared.
+    pub fn emergency(&mut self, alarm: Alarm, sink: &mut impl Sink) {
+        self.firmware.emergency(alarm, &mut self.board, sink);
+        self.tell_changes(sink);
+    }
+
+    /// The state now, to be sent: what it says need not be told again.
+    pub fn report(&mut self) -> AxisReport {
+        let report = self.firmware.report(&mut self.board);
+        self.told = Told::from(&report);
+        report
+    }
+
+    fn tell_changes(&mut self, sink: &mut impl Sink) {
+        let report = self.firmware.report(&mut self.board);
+        let news = Told::from(&report);
+        if news != self.told {
+            self.told = news;
+            sink.answer(Answer {
+                card: self.number.address(),
+                about: About::Unasked(Occasion::Changed),
+                acted_at: self.board.now(),
+                report: Report::Axis(report),
+            });
+        }
+    }
+}

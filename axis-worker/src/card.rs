@@ -1,0 +1,160 @@
+//! One card as the bus sees it: frames in, answers out. Whether it is called at all, and when, is the shell's business;
+//! the worker process, the dry run and the tests drive this very type.
+
+use supersigma_config::{Config, RampError};
+use supersigma_protocol::{
+    About, Address, Alarm, Answer, AxisNumber, Body, Broadcast, CardKind, Command, Frame, Occasion, Refusal,
+    Report, Sender, Sequence, Tick,
+};
+
+use crate::axis::Axis;
+use crate::board::Sink;
+use crate::digital::Digital;
+
+/// A motor card, or the two digital cards that share a process.
+#[derive(Debug)]
+pub struct Card {
+    kind: Kind,
+    /// The sequence number that the CCU's next frame must have.
+    expected: Option<Sequence>,
+}
+
+#[derive(Debug)]
+enum Kind {
+    Axis(Box<Axis>),
+    Digital(Digital),
+}
+
+impl Card {
+    /// The motor card `number` of a set; `None` if the set has none.
+    ///
+    /// # Errors
+    /// If the axis' ramp does not give a table.
+    pub fn axis(config: &Config, number: AxisNumber) -> Result<Option<Self>, RampError> {
+        config
+            .axis(number)
+            .map(|axis| {
+                let axis = Axis::new(axis, config.ramp_of(axis))?;
+                Ok(Self { kind: Kind::Axis(Box::new(axis)), expected: None })
+            })
+            .transpose()
+    }
+
+    /// The digital cards of a set.
+    #[must_use]
+    pub fn digital(config: &Config) -> Self {
+        Self { kind: Kind::Digital(Digital::new(&config.digital)), expected: None }
+    }
+
+    /// The address under which it sends.
+    #[must_use]
+    pub fn address(&self) -> Address {
+        match &self.kind {
+            Kind::Axis(axis) => axis.number().address(),
+            Kind::Digital(_) => Address::DIGITAL_INPUT,
+        }
+    }
+
+    /// The motor card's machine.
+    #[must_use]
+    pub fn as_axis(&self) -> Option<&Axis> {
+        match &self.kind {
+            Kind::Axis(axis) => Some(axis),
+            Kind::Digital(_) => None,
+        }
+    }
+
+    /// The time that it has reached.
+    #[must_use]
+    pub fn now(&self) -> Tick {
+        match &self.kind {
+            Kind::Axis(axis) => axis.now(),
+            Kind::Digital(digital) => digital.now(),
+        }
+    }
+
+    /// The next tick at which anything happens by itself.
+    #[must_use]
+    pub fn next_event(&self) -> Option<Tick> {
+        match &self.kind {
+            Kind::Axis(axis) => axis.next_event(),
+            Kind::Digital(digital) => digital.next_event(),
+        }
+    }
+
+    /// Lets time pass up to and including `to`.
+    pub fn advance(&mut self, to: Tick, sink: &mut impl Sink) {
+        match &mut self.kind {
+            Kind::Axis(axis) => axis.advance(to, sink),
+            Kind::Digital(digital) => digital.advance(to, sink),
+        }
+    }
+
+    /// Hears a frame, now. Every card hears every frame of the CCU; a card answers those that are for it, and if it
+    /// has missed some, an axis brakes: nobody knows what they would have said.
+    pub fn hear(&mut self, frame: &Frame, sink: &mut impl Sink) {
+        let (Sender::Ccu, Body::Command(broadcast)) = (frame.sender, &frame.body) else {
+            return;
+        };
+        if let Some(lost) = self.missing_before(frame.sequence)
+            && let Kind::Axis(axis) = &mut self.kind
+        {
+            axis.emergency(Alarm::FramesLost(lost), sink);
+        }
+        let Some(address) = self.concerned(broadcast) else {
+            return;
+        };
+        let result = match Command::decode(broadcast.bytes.as_slice()) {
+            Ok(command) => self.carry_out(command, broadcast.at, sink),
+            Err(refusal) => Err(refusal),
+        };
+        let answer = self.answer(address, About::Command(frame.sequence, result));
+        sink.answer(answer);
+    }
+
+    /// Brakes because of something that is no command.
+    pub fn emergency(&mut self, alarm: Alarm, sink: &mut impl Sink) {
+        if let Kind::Axis(axis) = &mut self.kind {
+            axis.emergency(alarm, sink);
+        }
+    }
+
+    /// An unasked answer with the state now.
+    pub fn speak(&mut self, occasion: Occasion) -> Answer {
+        self.answer(self.address(), About::Unasked(occasion))
+    }
+
+    fn answer(&mut self, address: Address, about: About) -> Answer {
+        let report = match &mut self.kind {
+            Kind::Axis(axis) => Report::Axis(axis.report()),
+            Kind::Digital(digital) => digital.report(address),
+        };
+        Answer { card: address, about, acted_at: self.now(), report }
+    }
+
+    fn carry_out(&mut self, command: Command, at: Option<Tick>, sink: &mut impl Sink) -> Result<(), Refusal> {
+        match &mut self.kind {
+            Kind::Axis(axis) => axis.deliver(command, at, sink),
+            Kind::Digital(digital) => digital.deliver(command),
+        }
+    }
+
+    /// How many of the CCU's frames are missing before `sequence`.
+    fn missing_before(&mut self, sequence: Sequence) -> Option<u32> {
+        let expected = self.expected.replace(sequence.next())?;
+        let new_life = sequence == Sequence(0);
+        let missing = if new_life { 0 } else { sequence.0.saturating_sub(expected.0) };
+        u32::try_from(missing).ok().filter(|missing| *missing > 0)
+    }
+
+    /// The address, of those that this process plays, that a command is for.
+    fn concerned(&self, broadcast: &Broadcast) -> Option<Address> {
+        let address = Address(*broadcast.bytes.as_slice().first()?);
+        match (&self.kind, address.kind()) {
+            (Kind::Axis(axis), CardKind::Everyone) => Some(axis.number().address()),
+            (Kind::Axis(axis), CardKind::Axis(number)) => (axis.number() == number).then_some(address),
+            (Kind::Digital(_), CardKind::DigitalInput | CardKind::DigitalOutput) => Some(address),
+            _ => None,
+        }
+    }
+}

@@ -1,0 +1,391 @@
+//! The 8748's program: it takes commands, runs the motor over the board, and knows what the axis is doing. A state
+//! machine without clock and I/O: it is told when time has passed and when a detector has changed.
+//!
+//! ```text
+//!                 Move MoveLimited Slew                 last pulse
+//!      ┌────────────────────────────────►  Moving  ─────────────────┐
+//!      │                              ▲   ▲                         │
+//!      │                   start tick │   │ Halt Brake              ▼
+//!   Standing ──► Armed ──► (Go) ──────┘   │            ┌───► Standing (+ alarm)
+//!      │   Lead, ArmLine                  │            │
+//!      └──────────────────────────► Searching ─────────┘
+//!           Originate SeekReference      found, or not within its bound
+//! ```
+//!
+//! An alarm is no state of its own: it accompanies the state, forbids new movements, and stays until `Clear`.
+
+mod movement;
+mod search;
+
+use supersigma_config::{AxisConfig, RampConfig, RampError, TravelConfig};
+use supersigma_protocol::{
+    Activity, Alarm, AxisReport, Direction, Distance, End, Operation, Position, Refusal, SensePoint,
+    SpeedIndex, StatusWord, Steps, Tick,
+};
+
+use self::movement::Movement;
+use self::search::{Bounds, Found, Goal, Leg, Search};
+use crate::board::{Board, Sink};
+use crate::ramp::{Plan, Schedule, Stop, Table};
+
+/// The program and its few variables.
+#[derive(Debug)]
+pub struct Firmware {
+    table: Table,
+    travel: TravelConfig,
+    bounds: Bounds,
+    state: State,
+    alarm: Option<Alarm>,
+    /// Where the movement began, or where the axis stands.
+    base: Option<Position>,
+    /// Steps of the last movement.
+    steps: Steps,
+    lead: Option<Lead>,
+    /// Commanded for a tick to come.
+    halt_at: Option<Tick>,
+    brake_at: Option<Tick>,
+}
+
+/// What a `Lead` command said.
+#[derive(Debug, Clone, Copy)]
+struct Lead {
+    distance: Distance,
+    limit: SpeedIndex,
+}
+
+/// What the axis is doing; each state holds what only it needs.
+#[derive(Debug)]
+enum State {
+    Standing,
+    Armed { direction: Direction, schedule: Schedule, start: Option<Tick> },
+    Moving(Movement),
+    Searching(Search, Movement),
+}
+
+impl Firmware {
+    /// The program of an axis at switch-on: standing somewhere.
+    ///
+    /// # Errors
+    /// If `ramp` does not give a table.
+    pub fn new(axis: &AxisConfig, ramp: &RampConfig) -> Result<Self, RampError> {
+        Ok(Self {
+            table: Table::new(ramp)?,
+            travel: axis.travel.clone(),
+            bounds: Bounds::new(axis),
+            state: State::Standing,
+            alarm: None,
+            base: None,
+            steps: Steps(0),
+            lead: None,
+            halt_at: None,
+            brake_at: None,
+        })
+    }
+
+    /// Carries out `operation`, now; `at` is the tick that the frame names, and `alone` whether it is for this card only.
+    ///
+    /// # Errors
+    /// Why it is not carried out; then nothing has changed.
+    pub fn deliver(
+        &mut self,
+        operation: Operation,
+        at: Option<Tick>,
+        alone: bool,
+        board: &mut Board,
+        sink: &mut impl Sink,
+    ) -> Result<(), Refusal> {
+        match operation {
+            Operation::Status => Ok(()),
+            Operation::Move { direction, distance } => {
+                self.ready_for(direction, distance, board)?;
+                let plan = Plan::ramped(&self.table, distance, SpeedIndex::TOP);
+                self.begin(plan.into(), direction, board, sink);
+                Ok(())
+            }
+            Operation::MoveLimited { direction, distance, limit } => {
+                self.ready_for(direction, distance, board)?;
+                self.begin(Plan::ramped(&self.table, distance, limit).into(), direction, board, sink);
+                Ok(())
+            }
+            Operation::Slew { direction, distance, speed } => {
+                self.ready_for(direction, distance, board)?;
+                self.begin(Plan::constant(&self.table, distance, speed).into(), direction, board, sink);
+                Ok(())
+            }
+            Operation::Originate => self.search(Goal::Origin, board, sink),
+            Operation::SeekReference => self.search(Goal::Reference, board, sink),
+            Operation::Halt => {
+                self.stop_at(Stop::Halt, at, board, sink);
+                Ok(())
+            }
+            Operation::Brake => {
+                self.stop_at(Stop::Brake, at, board, sink);
+                Ok(())
+            }
+            Operation::Lead { distance, limit } => {
+                self.standing()?;
+                self.lead = Some(Lead { distance, limit: limit.unwrap_or(SpeedIndex::TOP) });
+                Ok(())
+            }
+            Operation::ArmLine { direction, distance } => self.arm(direction, distance, board),
+            Operation::Go => self.go(at, alone, board),
+            Operation::Clear => match self.state {
+                State::Standing => {
+                    self.alarm = None;
+                    Ok(())
+                }
+                _ => Err(Refusal::Moving),
+            },
+            // The decoder lets no digital operation pass for a motor card.
+            Operation::ReadInputs | Operation::WriteOutputs { .. } => {
+                Err(Refusal::UnknownOpCode { op_code: operation.code() })
+            }
+        }
+    }
+
+    /// When the program has something to do by itself.
+    #[must_use]
+    pub fn wake_at(&self) -> Option<Tick> {
+        let own = match &self.state {
+            State::Standing => None,
+            State::Armed { start, .. } => *start,
+            State::Moving(movement) | State::Searching(_, movement) => Some(movement.wake_at()),
+        };
+        [own, self.halt_at, self.brake_at].into_iter().flatten().min()
+    }
+
+    /// Does what is due at the board's tick.
+    pub fn wake(&mut self, board: &mut Board, sink: &mut impl Sink) {
+        let due = |at: &mut Tick| *at <= board.now();
+        let (halt, brake) = (self.halt_at.take_if(due), self.brake_at.take_if(due));
+        if brake.is_some() {
+            self.stop_now(Stop::Brake, board, sink);
+        } else if halt.is_some() {
+            self.stop_now(Stop::Halt, board, sink);
+        }
+        match &mut self.state {
+            State::Standing => {}
+            State::Armed { start, .. } => {
+                if start.is_some_and(|start| start <= board.now())
+                    && let State::Armed { direction, schedule, .. } =
+                        std::mem::replace(&mut self.state, State::Standing)
+                {
+                    self.begin(schedule, direction, board, sink);
+                }
+            }
+            State::Moving(movement) => {
+                if movement.wake(board, sink) {
+                    self.stand(board);
+                }
+            }
+            State::Searching(search, movement) => {
+                if movement.wake(board, sink) {
+                    let search = *search;
+                    self.leg_over(search, board, sink);
+                }
+            }
+        }
+    }
+
+    /// Takes note that a detector has changed at the board's tick.
+    pub fn sense(&mut self, board: &mut Board, sink: &mut impl Sink) {
+        let detectors = board.detectors();
+        match &mut self.state {
+            State::Moving(movement) => {
+                let ahead = ahead(movement.direction());
+                if detectors.zone() == Some(ahead) && self.alarm.is_none() {
+                    self.alarm = Some(Alarm::EndOfRail(ahead));
+                    movement.stop(&self.table, Stop::Brake, board, sink);
+                }
+            }
+            State::Searching(search, movement) => match search.judge(detectors) {
+                Found::Nothing => {}
+                Found::Switch => {
+                    search.leg = Leg::Overshoot;
+                    movement.stop(&self.table, Stop::Halt, board, sink);
+                }
+                Found::Goal => movement.cut(board),
+            },
+            State::Standing | State::Armed { .. } => {}
+        }
+    }
+
+    /// Brakes because of something that is no command, and holds the axis.
+    pub fn emergency(&mut self, alarm: Alarm, board: &mut Board, sink: &mut impl Sink) {
+        self.alarm.get_or_insert(alarm);
+        self.stop_now(Stop::Brake, board, sink);
+    }
+
+    /// The state that the card reports.
+    #[must_use]
+    pub fn report(&self, board: &mut Board) -> AxisReport {
+        let (activity, made) = match &self.state {
+            State::Standing => (Activity::Standing, Steps(0)),
+            State::Armed { .. } => (Activity::Armed, Steps(0)),
+            State::Moving(movement) => {
+                (movement.phase().map_or(Activity::Standing, Activity::from), Steps(0))
+            }
+            State::Searching(search, _) => (search.activity(), search.made),
+        };
+        let (steps, position) = match &self.state {
+            State::Standing | State::Armed { .. } => (self.steps, self.base),
+            State::Moving(movement) | State::Searching(_, movement) => {
+                let steps = movement.steps(board);
+                (made + steps, self.base.map(|base| base.moved(movement.direction(), steps)))
+            }
+        };
+        let detectors = board.detectors();
+        // Open loop: X4 says that no pulse train is being made, and X5 is never claimed, for nothing measures speed.
+        let sense = StatusWord::default()
+            .with(SensePoint::X1, detectors.lower)
+            .with(SensePoint::X2, detectors.upper)
+            .with(SensePoint::X3, detectors.reference)
+            .with(SensePoint::X4, matches!(self.state, State::Standing | State::Armed { .. }));
+        AxisReport { sense, steps, position, activity, alarm: self.alarm }
+    }
+
+    /// The axis' ramp.
+    #[must_use]
+    pub fn table(&self) -> &Table {
+        &self.table
+    }
+
+    fn standing(&self) -> Result<(), Refusal> {
+        match (&self.state, self.alarm) {
+            (State::Standing, None) => Ok(()),
+            (State::Standing, Some(_)) => Err(Refusal::InAlarm),
+            _ => Err(Refusal::Moving),
+        }
+    }
+
+    fn ready_for(&self, direction: Direction, distance: Distance, board: &Board) -> Result<(), Refusal> {
+        self.standing()?;
+        let position = self.base.ok_or(Refusal::NotOriginated)?;
+        let end = ahead(direction);
+        if board.detectors().zone() == Some(end) {
+            return Err(Refusal::AtEnd { end });
+        }
+        let target = position.moved(direction, distance.steps());
+        let TravelConfig { min, max } = self.travel;
+        if direction == Direction::Forward && target > max
+            || direction == Direction::TowardsOrigin && target < min
+        {
+            return Err(Refusal::OutOfTravel { target, min, max });
+        }
+        Ok(())
+    }
+
+    fn arm(&mut self, direction: Direction, distance: Distance, board: &Board) -> Result<(), Refusal> {
+        self.standing()?;
+        let lead = self.lead.ok_or(Refusal::NoLead)?;
+        if distance > lead.distance {
+            return Err(Refusal::LongerThanLead { steps: distance.get(), lead: lead.distance.get() });
+        }
+        self.ready_for(direction, distance, board)?;
+        let plan = Plan::ramped(&self.table, lead.distance, lead.limit);
+        let schedule = Schedule::on_line(plan, distance, lead.distance);
+        self.lead = None;
+        self.state = State::Armed { direction, schedule, start: None };
+        Ok(())
+    }
+
+    fn go(&mut self, at: Option<Tick>, alone: bool, board: &Board) -> Result<(), Refusal> {
+        let State::Armed { start, .. } = &mut self.state else {
+            // Said to everyone, it concerns those that are armed.
+            return if alone { Err(Refusal::NotArmed) } else { Ok(()) };
+        };
+        let at = at.ok_or(Refusal::NoStartTick)?;
+        if at < board.now() {
+            return Err(Refusal::Late { by: board.now().since(at) });
+        }
+        *start = Some(at);
+        Ok(())
+    }
+
+    fn search(&mut self, goal: Goal, board: &mut Board, sink: &mut impl Sink) -> Result<(), Refusal> {
+        self.standing()?;
+        self.base = None;
+        self.begin_leg(Search::new(goal, board.detectors()), board, sink);
+        Ok(())
+    }
+
+    fn begin(&mut self, schedule: Schedule, direction: Direction, board: &mut Board, sink: &mut impl Sink) {
+        self.lead = None;
+        self.state = State::Moving(Movement::begin(schedule, direction, board, sink));
+    }
+
+    fn begin_leg(&mut self, search: Search, board: &mut Board, sink: &mut impl Sink) {
+        self.lead = None;
+        if let Some((direction, plan)) = self.bounds.plan(search.leg, search.of_leg, &self.table) {
+            self.state = State::Searching(search, Movement::begin(plan.into(), direction, board, sink));
+        } else {
+            self.alarm = Some(search.failure());
+            self.base = None;
+        }
+    }
+
+    /// The last pulse of a movement has come.
+    fn stand(&mut self, board: &mut Board) {
+        let report = self.report(board);
+        (self.steps, self.base) = (report.steps, report.position);
+        self.halt_at = None;
+        self.state = State::Standing;
+    }
+
+    /// The last pulse of one leg of a search has come.
+    fn leg_over(&mut self, search: Search, board: &mut Board, sink: &mut impl Sink) {
+        let detectors = board.detectors();
+        self.stand(board);
+        let next = |leg| Search { leg, made: self.steps, of_leg: Steps(0), ..search };
+        match search.leg {
+            Leg::Overshoot if detectors.lower => self.begin_leg(next(Leg::Release), board, sink),
+            Leg::Release if !detectors.lower => {
+                self.base = Some(Position(0));
+                if search.goal == Goal::Reference {
+                    self.begin_leg(next(Leg::LockIn), board, sink);
+                }
+            }
+            Leg::LockIn if detectors.reference => {}
+            unfinished => {
+                let of_leg = search.of_leg + (self.steps - search.made);
+                self.begin_leg(Search { of_leg, ..next(unfinished) }, board, sink);
+            }
+        }
+    }
+
+    fn stop_at(&mut self, stop: Stop, at: Option<Tick>, board: &mut Board, sink: &mut impl Sink) {
+        let pending = match stop {
+            Stop::Halt => &mut self.halt_at,
+            Stop::Brake => &mut self.brake_at,
+        };
+        match at {
+            Some(at) if at > board.now() && !matches!(self.state, State::Standing) => {
+                *pending = Some(pending.map_or(at, |sooner| sooner.min(at)));
+            }
+            _ => self.stop_now(stop, board, sink),
+        }
+    }
+
+    fn stop_now(&mut self, stop: Stop, board: &mut Board, sink: &mut impl Sink) {
+        self.lead = None;
+        if stop == Stop::Brake {
+            self.alarm.get_or_insert(Alarm::Braked);
+        }
+        self.state = match std::mem::replace(&mut self.state, State::Standing) {
+            State::Standing | State::Armed { .. } => State::Standing,
+            // A search that is stopped is over: it never goes on by itself, and the position stays unknown.
+            State::Moving(mut movement) | State::Searching(_, mut movement) => {
+                movement.stop(&self.table, stop, board, sink);
+                State::Moving(movement)
+            }
+        };
+    }
+}
+
+/// The end of the rail towards which a movement goes.
+fn ahead(direction: Direction) -> End {
+    match direction {
+        Direction::Forward => End::Upper,
+        Direction::TowardsOrigin => End::Lower,
+    }
+}

@@ -1,0 +1,254 @@
+//! One movement: a schedule, and the writes to the chip that make it true. It knows pulses and counts; it does not
+//! know commands, alarms or positions.
+//!
+//! A count must reach the chip while the period before its own is running. The firmware writes it right after the
+//! pulse that begins that period, or, by the paper's method, when the ramp's timer says so. A period that 16 bits
+//! cannot count is made with the 8748's timer: GATE0 is closed at the pulse before, and opened one count before the
+//! pulse that is due.
+//!
+//! ```text
+//!   OUT0    ─┐┌──────┐┌───────────────────────────────┐┌──
+//!            ┘└      ┘└                               ┘└
+//!   GATE0   ─────────┐                 ┌───────────────────
+//!                    └─────────────────┘← one count →
+//!   writes      ▲ load               ▲ fire
+//! ```
+
+use supersigma_protocol::{Count, Direction, Steps, Tick, Ticks};
+
+use crate::board::{Board, Sink};
+use crate::ramp::{Phase, REACTION, Schedule, Stop, Table};
+
+/// What is left to count when the gate is opened for a pulse after a long pause.
+const FIRE_AHEAD: u32 = 3_077;
+
+/// A movement under way.
+#[derive(Debug)]
+pub(super) struct Movement {
+    start: Tick,
+    direction: Direction,
+    schedule: Schedule,
+    /// Whether counter 2 counts, as for movements of one or two steps.
+    short: bool,
+    write: Option<Write>,
+    phase: Option<Phase>,
+    phase_changes: Option<u64>,
+}
+
+/// The next thing to do to the chip, and when, in ticks from the start.
+#[derive(Debug, Clone, Copy)]
+struct Write {
+    at: u64,
+    what: What,
+}
+
+/// Runs are counted from 0, pulses from 1.
+#[derive(Debug, Clone, Copy)]
+enum What {
+    /// Write the count of this run of the plan.
+    LoadRun(usize),
+    /// Write the count of the period that ends with this pulse.
+    LoadPulse(u32),
+    /// Close the gate: this pulse is further away than 16 bits count.
+    Hold(u32),
+    /// Open the gate: this pulse is one count away.
+    Fire(u32),
+}
+
+impl Movement {
+    /// Starts `schedule` now.
+    pub(super) fn begin(
+        schedule: Schedule,
+        direction: Direction,
+        board: &mut Board,
+        sink: &mut impl Sink,
+    ) -> Self {
+        let total = schedule.total().0;
+        board.set_direction(direction);
+        board.arm_step_counters(total);
+        let mut movement = Self {
+            start: board.now(),
+            direction,
+            schedule,
+            short: total <= 2,
+            write: None,
+            phase: None,
+            phase_changes: None,
+        };
+        if let Some(count) = count(movement.schedule.tick_of(1)) {
+            board.program_rate(count, sink);
+            board.gate_rate(true);
+            movement.write = movement.write_after(1, 0);
+        } else {
+            board.program_rate(Count(0), sink);
+            movement.write = Some(movement.fire(1));
+        }
+        movement.look_at_phase(0);
+        movement
+    }
+
+    /// Where to.
+    pub(super) fn direction(&self) -> Direction {
+        self.direction
+    }
+
+    /// What the axis does now.
+    pub(super) fn phase(&self) -> Option<Phase> {
+        self.phase
+    }
+
+    /// The steps made so far, as the chip counts them.
+    pub(super) fn steps(&self, board: &mut Board) -> Steps {
+        if !self.short {
+            return Steps(board.read_long_counter());
+        }
+        match self.schedule.total() {
+            _ if board.first_of_two() => Steps(1),
+            Steps(2) if self.is_over(board) => Steps(2),
+            _ => Steps(0),
+        }
+    }
+
+    /// When the firmware has something to do.
+    pub(super) fn wake_at(&self) -> Tick {
+        let soonest = [self.write.map(|write| write.at), self.phase_changes]
+            .into_iter()
+            .flatten()
+            .fold(self.end(), u64::min);
+        self.start + Ticks(soonest)
+    }
+
+    /// Does what is due; says whether the movement is over.
+    pub(super) fn wake(&mut self, board: &mut Board, sink: &mut impl Sink) -> bool {
+        if self.is_over(board) {
+            board.gate_rate(false);
+            return true;
+        }
+        let now = self.elapsed(board);
+        while let Some(write) = self.write.filter(|write| write.at <= now) {
+            self.write = self.carry_out(write.what, now, board, sink);
+        }
+        if self.phase_changes.is_some_and(|at| at <= now) {
+            self.look_at_phase(now);
+        }
+        false
+    }
+
+    /// Ends the movement as soon as `stop` allows.
+    pub(super) fn stop(&mut self, table: &Table, stop: Stop, board: &mut Board, sink: &mut impl Sink) {
+        let now = self.elapsed(board);
+        let next = self.steps(board).0 + 1;
+        let due = self.schedule.tick_of(next);
+        self.schedule.stop(table, now, stop);
+        self.look_at_phase(now);
+        if next > self.schedule.total().0 {
+            self.write = None;
+        } else if self.schedule.tick_of(next) == due {
+            // The running period stays. Whatever is planned for it stays too; what comes after it is new.
+            if !matches!(self.write, Some(Write { what: What::Hold(pulse) | What::Fire(pulse), .. }) if pulse == next)
+            {
+                self.write = self.write_after(next, self.safely_after(now, next));
+            }
+        } else {
+            // Only a follower's running period can change: it is longer than the leader's.
+            board.gate_rate(false);
+            let due = self.schedule.tick_of(next);
+            if let Some(count) = count(due - now) {
+                board.load_rate(count, sink);
+                board.gate_rate(true);
+                self.write = self.write_after(next, self.safely_after(now, next));
+            } else {
+                self.write = Some(self.fire(next));
+            }
+        }
+    }
+
+    /// Ends the movement with the pulse that has just come. Only at start speed.
+    pub(super) fn cut(&mut self, board: &mut Board) {
+        let done = self.steps(board);
+        self.schedule.cut(done.0);
+        self.write = None;
+    }
+
+    fn elapsed(&self, board: &Board) -> u64 {
+        board.now().since(self.start).0
+    }
+
+    fn end(&self) -> u64 {
+        self.schedule.tick_of(self.schedule.total().0)
+    }
+
+    fn is_over(&self, board: &Board) -> bool {
+        self.elapsed(board) >= self.end()
+    }
+
+    fn look_at_phase(&mut self, now: u64) {
+        (self.phase, self.phase_changes) = self.schedule.phase_at(now);
+    }
+
+    fn carry_out(&mut self, what: What, now: u64, board: &mut Board, sink: &mut impl Sink) -> Option<Write> {
+        match what {
+            What::LoadRun(index) => {
+                let period = self.schedule.own_plan().map_or(0, |plan| plan.runs()[index].period);
+                board.load_rate(count(period.into())?, sink);
+                self.write_run_after(index, now)
+            }
+            What::LoadPulse(pulse) => {
+                board.load_rate(count(self.period(pulse))?, sink);
+                self.write_after(pulse, now)
+            }
+            What::Hold(pulse) => {
+                board.gate_rate(false);
+                Some(self.fire(pulse))
+            }
+            What::Fire(pulse) => {
+                board.load_rate(Count::dividing_by(FIRE_AHEAD)?, sink);
+                board.gate_rate(true);
+                self.write_after(pulse, self.safely_after(now, pulse))
+            }
+        }
+    }
+
+    /// When the next count can be written while the period of `pulse` runs. The chip takes over a count on the first
+    /// clock of a period, so one written at the tick at which a period begins would rule that very period.
+    fn safely_after(&self, now: u64, pulse: u32) -> u64 {
+        (now + REACTION.0).min(self.schedule.tick_of(pulse))
+    }
+
+    /// The next write when the chip has what it needs for pulse `pulse`; not before `earliest`.
+    fn write_after(&self, pulse: u32, earliest: u64) -> Option<Write> {
+        if let Some(plan) = self.schedule.own_plan() {
+            return self.write_run_after(plan.run_of(pulse), earliest);
+        }
+        let next = pulse + 1;
+        if next > self.schedule.total().0 {
+            return None;
+        }
+        Some(if count(self.period(next)).is_none() {
+            Write { at: self.schedule.tick_of(pulse), what: What::Hold(next) }
+        } else {
+            let begun = self.schedule.tick_of(pulse - 1);
+            Write { at: (begun + REACTION.0).max(earliest), what: What::LoadPulse(next) }
+        })
+    }
+
+    fn write_run_after(&self, index: usize, earliest: u64) -> Option<Write> {
+        let later = self.schedule.own_plan()?.runs().iter().enumerate().skip(index + 1);
+        let (next, written) = later.find_map(|(next, run)| Some((next, run.written?)))?;
+        Some(Write { at: written.max(earliest), what: What::LoadRun(next) })
+    }
+
+    fn fire(&self, pulse: u32) -> Write {
+        let at = self.schedule.tick_of(pulse) - u64::from(FIRE_AHEAD);
+        Write { at, what: What::Fire(pulse) }
+    }
+
+    fn period(&self, pulse: u32) -> u64 {
+        self.schedule.tick_of(pulse) - self.schedule.tick_of(pulse - 1)
+    }
+}
+
+/// The count that makes a period of `ticks`, if 16 bits can.
+fn count(ticks: u64) -> Option<Count> {
+    u32::try_from(ticks).ok().and_then(Count::dividing_by)
+}

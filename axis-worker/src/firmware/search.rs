@@ -1,0 +1,132 @@
+//! Origination (\[C\]) and the search for the reference step (\[F\]): which leg comes next, and what it must find.
+//! It moves nothing itself.
+//!
+//! ```text
+//!   rail      ╟──── X1 = 1 ────┤────────┼─────────────────────
+//!   approach                ◄──│────────────────────────────  backward, until the limit switch closes
+//!   overshoot            ◄─────│                              down the ramp
+//!   release              ──────►                              forward at low speed, until it opens: position 0
+//!   lock in                    ──────────►                    forward at low speed, to the reference step (X3)
+//! ```
+//!
+//! Every leg is bounded in steps, so that a dead or stuck switch ends in an alarm and not at the stop.
+
+use supersigma_config::{AxisConfig, RailConfig};
+use supersigma_protocol::{Activity, Alarm, Direction, Distance, SpeedIndex, Steps};
+
+use crate::mechanism::Detectors;
+use crate::ramp::{Plan, Table};
+
+/// What is looked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Goal {
+    /// The point where the limit switch opens.
+    Origin,
+    /// The reference step.
+    Reference,
+}
+
+/// One leg of a search.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Leg {
+    /// Backward, until the limit switch closes.
+    Approach,
+    /// Backward, down the ramp.
+    Overshoot,
+    /// Forward, until the limit switch opens.
+    Release,
+    /// Forward, to the reference step.
+    LockIn,
+}
+
+/// What a detector's change means to a leg.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Found {
+    /// Nothing.
+    Nothing,
+    /// Slow down, then turn round.
+    Switch,
+    /// Stop here: this is what the leg looks for.
+    Goal,
+}
+
+/// A search under way.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Search {
+    pub(super) goal: Goal,
+    pub(super) leg: Leg,
+    /// Steps of the movements before this one.
+    pub(super) made: Steps,
+    /// Those of them that belong to this leg: a rail may be longer than one movement.
+    pub(super) of_leg: Steps,
+}
+
+impl Search {
+    /// The search for `goal`, from where the detectors say this.
+    pub(super) fn new(goal: Goal, detectors: Detectors) -> Self {
+        let leg = if detectors.lower { Leg::Release } else { Leg::Approach };
+        Self { goal, leg, made: Steps(0), of_leg: Steps(0) }
+    }
+
+    /// How the status names it.
+    pub(super) fn activity(&self) -> Activity {
+        match self.goal {
+            Goal::Origin => Activity::Originating,
+            Goal::Reference => Activity::SeekingReference,
+        }
+    }
+
+    /// What the detectors, just changed, mean to this leg.
+    pub(super) fn judge(&self, detectors: Detectors) -> Found {
+        match self.leg {
+            Leg::Approach if detectors.lower => Found::Switch,
+            Leg::Release if !detectors.lower => Found::Goal,
+            Leg::LockIn if detectors.reference => Found::Goal,
+            _ => Found::Nothing,
+        }
+    }
+
+    /// The alarm if the leg has made all its steps without finding what it looks for.
+    pub(super) fn failure(&self) -> Alarm {
+        match self.leg {
+            Leg::Approach | Leg::Overshoot => Alarm::SwitchNeverClosed(self.of_leg),
+            Leg::Release => Alarm::SwitchNeverOpened(self.of_leg),
+            Leg::LockIn => Alarm::ReferenceNotFound(self.of_leg),
+        }
+    }
+}
+
+/// The bounds of the legs.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Bounds {
+    speed: SpeedIndex,
+    approach: Steps,
+    release: Steps,
+    lock_in: Steps,
+}
+
+impl Bounds {
+    /// Of an axis: the whole rail for the approach, twice what is expected for the short legs.
+    pub(super) fn new(axis: &AxisConfig) -> Self {
+        let RailConfig { length, lower_zone, reference, .. } = axis.rail;
+        let twice = |steps| steps + steps;
+        Self {
+            speed: axis.origination.speed,
+            approach: length,
+            release: twice(lower_zone),
+            lock_in: twice(reference - lower_zone),
+        }
+    }
+
+    /// The movement of `leg`, of which `made` steps have been made already; `None` if that is all it may make.
+    pub(super) fn plan(&self, leg: Leg, made: Steps, table: &Table) -> Option<(Direction, Plan)> {
+        let (direction, bound, speed) = match leg {
+            Leg::Approach | Leg::Overshoot => (Direction::TowardsOrigin, self.approach, self.speed),
+            Leg::Release => (Direction::Forward, self.release, SpeedIndex::START),
+            Leg::LockIn => (Direction::Forward, self.lock_in, SpeedIndex::START),
+        };
+        let left = bound.0.checked_sub(made.0)?.min(Distance::MAX.steps().0);
+        let distance = Distance::new(u16::try_from(left).ok()?)?;
+        Some((direction, Plan::ramped(table, distance, speed)))
+    }
+}

@@ -1,0 +1,37 @@
+//! The ramp: the table of counts, and plans that walk it. Integers only; no state, no clock, no chip.
+//!
+//! ```text
+//!   speed
+//!   15 000 ┤            ╭────────────────────╮
+//!          │          ╱ ·                    · ╲
+//!          │        ╱   ·                    ·   ╲          V(t) = 15 000 sin²(4.544 26 t + 0.209 7)
+//!          │      ╱     ·                    ·     ╲
+//!      650 ┼────╯       ·                    ·       ╰────
+//!          └────────────┴────────────────────┴──────────── t
+//!           up the walk    one period after     the same periods
+//!                          the other            in reverse
+//! ```
+//!
+//! The *table* holds N for 233 speeds, 1.29 ms apart (\[C\] eq. (2), (3)). A *walk* turns it into periods: each
+//! period has the entry that is due when it begins, because a count written to a running 8253 waits for the end of
+//! the period. A *plan* is one movement: runs of equal periods, each with the tick at which the firmware writes its
+//! count. Both directions of the question — the tick of a pulse, the pulses by a tick — are then one search among
+//! a few hundred runs, however long the movement. A *schedule* is a plan, or an axis' share of the plan of a
+//! line's leading axis.
+
+mod paper;
+mod plan;
+mod schedule;
+mod table;
+#[cfg(test)]
+mod tests;
+
+pub use plan::{Phase, Plan, Run, Stop};
+pub use schedule::Schedule;
+pub use table::{Table, Walk};
+
+use supersigma_protocol::Ticks;
+
+/// From the pulse that tells the firmware that a count is wanted to the write of that count: five of the 8748's
+/// 2.5 µs instruction cycles, enough to read a counter and write two bytes. Far shorter than the shortest period.
+pub(crate) const REACTION: Ticks = Ticks(25);

@@ -1,0 +1,233 @@
+//! One movement as runs of equal periods, and how it ends sooner. Planned at the start of the movement, changed only
+//! by a stop. Nothing here knows the chip or what time it is.
+
+use supersigma_config::ShortMoves;
+use supersigma_protocol::{Activity, Distance, SpeedIndex, Steps};
+
+use super::table::{Table, Walk};
+use super::{REACTION, paper};
+
+/// How a movement is ended before its time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Stop {
+    /// Down the normal ramp.
+    Halt,
+    /// Down the steep ramp.
+    Brake,
+}
+
+/// The parts of a movement.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Phase {
+    /// Up the ramp.
+    Accelerating,
+    /// At the top, at a ceiling, or at constant speed.
+    Cruising,
+    /// Down the ramp.
+    Decelerating,
+    /// At low speed, until the steps are done.
+    Creeping,
+    /// Down the steep ramp.
+    Braking,
+}
+
+impl From<Phase> for Activity {
+    fn from(phase: Phase) -> Self {
+        match phase {
+            Phase::Accelerating => Self::Accelerating,
+            Phase::Cruising => Self::Cruising,
+            Phase::Decelerating => Self::Decelerating,
+            Phase::Creeping => Self::Creeping,
+            Phase::Braking => Self::Braking,
+        }
+    }
+}
+
+/// Successive periods of one length. Ticks count from the start of the movement.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Run {
+    /// Pulses of the movement before this run.
+    pub before: u32,
+    /// Pulses of this run, one at the end of each period. None if a later count overtakes this one.
+    pub pulses: u32,
+    /// Where the first period begins.
+    pub start: u64,
+    /// Ticks of one period: the count for the chip.
+    pub period: u32,
+    /// When the firmware writes the count; `None` if the chip has it already.
+    pub written: Option<u64>,
+    /// What the axis does meanwhile.
+    pub phase: Phase,
+}
+
+impl Run {
+    fn end(&self) -> u64 {
+        self.start + u64::from(self.pulses) * u64::from(self.period)
+    }
+}
+
+/// A movement: exactly [`Plan::total`] pulses, numbered from 1.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Plan {
+    runs: Vec<Run>,
+}
+
+impl Plan {
+    /// The movement of `distance` under the ceiling `limit`, by the table's method.
+    #[must_use]
+    pub fn ramped(table: &Table, distance: Distance, limit: SpeedIndex) -> Self {
+        match table.method() {
+            ShortMoves::Optimal => Self::fastest(table, distance, limit),
+            ShortMoves::Paper => paper::plan(table, distance, limit),
+        }
+    }
+
+    /// The fastest plan of exactly `distance` pulses that stays on the curve and under `limit`: up the walk, and back
+    /// down it from half-way or from the ceiling. The two halves mirror each other; an odd pulse, or whatever the
+    /// ceiling leaves, lies between them.
+    #[must_use]
+    pub fn fastest(table: &Table, distance: Distance, limit: SpeedIndex) -> Self {
+        let walk = table.normal();
+        let total = distance.steps().0;
+        let to_ceiling = walk.slower_than(table.period(limit));
+        let up = to_ceiling.min(total / 2);
+        let between = if up < to_ceiling { walk.period(walk.entry_of(up + 1)) } else { table.period(limit) };
+        let mut plan = Self::default();
+        let mut entry = 0;
+        while walk.before(entry) < up {
+            let pulses = walk.before(entry + 1).min(up) - walk.before(entry);
+            plan.follow(pulses, walk.period(entry), Phase::Accelerating);
+            entry += 1;
+        }
+        plan.follow(total - 2 * up, between, Phase::Cruising);
+        plan.descend(walk, up, Phase::Decelerating);
+        plan
+    }
+
+    /// `distance` pulses at one speed, without a ramp.
+    #[must_use]
+    pub fn constant(table: &Table, distance: Distance, speed: SpeedIndex) -> Self {
+        let mut plan = Self::default();
+        plan.follow(distance.steps().0, table.period(speed), Phase::Cruising);
+        plan
+    }
+
+    /// All pulses.
+    #[must_use]
+    pub fn total(&self) -> Steps {
+        Steps(self.runs.last().map_or(0, |run| run.before + run.pulses))
+    }
+
+    /// From the start to the last pulse, in ticks.
+    #[must_use]
+    pub fn duration(&self) -> u64 {
+        self.runs.last().map_or(0, Run::end)
+    }
+
+    /// The runs, in order.
+    #[must_use]
+    pub fn runs(&self) -> &[Run] {
+        &self.runs
+    }
+
+    /// The index of the run in which pulse `pulse`, from 1, lies.
+    #[must_use]
+    pub fn run_of(&self, pulse: u32) -> usize {
+        self.runs.partition_point(|run| run.before + run.pulses < pulse)
+    }
+
+    /// The tick of pulse `pulse`; pulse 0 is the start. The last one's for all beyond it.
+    #[must_use]
+    pub fn tick_of(&self, pulse: u32) -> u64 {
+        if pulse == 0 {
+            return 0;
+        }
+        self.runs.get(self.run_of(pulse)).map_or_else(
+            || self.duration(),
+            |run| run.start + u64::from(pulse - run.before) * u64::from(run.period),
+        )
+    }
+
+    /// The period that ends with pulse `pulse`, from 1, in ticks; 0 beyond the last.
+    #[must_use]
+    pub fn period(&self, pulse: u32) -> u32 {
+        self.runs.get(self.run_of(pulse)).map_or(0, |run| run.period)
+    }
+
+    /// How many pulses come at or before `tick`.
+    #[must_use]
+    #[expect(clippy::cast_possible_truncation, reason = "bounded by the run's pulses")]
+    pub fn pulses_by(&self, tick: u64) -> u32 {
+        let begun = self.runs.partition_point(|run| run.start <= tick);
+        let Some(run) = begun.checked_sub(1).map(|last| &self.runs[last]) else {
+            return 0;
+        };
+        let within = (tick - run.start) / u64::from(run.period);
+        run.before + within.min(u64::from(run.pulses)) as u32
+    }
+
+    /// Ends the movement as soon as `stop` allows, if it is told so at `tick`. The period that is running comes to its
+    /// end as it was planned, because the chip has it already; each later one is a slower one of the walk. A plan
+    /// whose own end comes with fewer pulses stays as it is.
+    pub fn stop(&mut self, table: &Table, tick: u64, stop: Stop) {
+        let running = self.pulses_by(tick) + 1;
+        let index = self.run_of(running);
+        let Some(run) = self.runs.get(index).copied() else {
+            return;
+        };
+        let (walk, phase) = match stop {
+            Stop::Halt => (table.normal(), Phase::Decelerating),
+            Stop::Brake => (table.steep(), Phase::Braking),
+        };
+        let descent = walk.slower_than(run.period);
+        if running + descent >= self.total().0 {
+            return;
+        }
+        self.runs.truncate(index + 1);
+        self.runs[index].pulses = running - run.before;
+        let first = self.runs.len();
+        // A count written at the very tick of a pulse would rule the period that begins there: so, a little later,
+        // but not after the running period.
+        let earliest = (tick + REACTION.0).min(self.runs[index].end());
+        self.descend(walk, descent, phase);
+        if let Some(next) = self.runs.get_mut(first) {
+            next.written = next.written.max(Some(earliest));
+        }
+    }
+
+    /// Leaves out the pulses after `pulses`. Only for plans at start speed, which may end anywhere.
+    pub fn cut(&mut self, pulses: u32) {
+        self.runs.truncate(self.run_of(pulses) + 1);
+        if let Some(last) = self.runs.last_mut() {
+            last.pulses = last.pulses.min(pulses - last.before);
+        }
+    }
+
+    /// Adds `pulses` periods whose count the firmware writes early in the last period before them.
+    pub(super) fn follow(&mut self, pulses: u32, period: u32, phase: Phase) {
+        if pulses > 0 {
+            let written = match self.runs.last() {
+                None => Some(0),
+                Some(last) if last.period == period => None,
+                Some(last) => Some(last.end() - u64::from(last.period) + REACTION.0),
+            };
+            self.push(pulses, period, phase, written);
+        }
+    }
+
+    /// Adds a run whose count is written at `written`.
+    pub(super) fn push(&mut self, pulses: u32, period: u32, phase: Phase, written: Option<u64>) {
+        let (before, start) = self.runs.last().map_or((0, 0), |last| (last.before + last.pulses, last.end()));
+        self.runs.push(Run { before, pulses, start, period, written, phase });
+    }
+
+    /// Adds the first `pulses` periods of `walk` in reverse.
+    fn descend(&mut self, walk: &Walk, pulses: u32, phase: Phase) {
+        let mut left = pulses;
+        while left > 0 {
+            let entry = walk.entry_of(left);
+            self.follow(left - walk.before(entry), walk.period(entry), phase);
+            left = walk.before(entry);
+        }
+    }
+}

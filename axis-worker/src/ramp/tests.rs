@@ -1,0 +1,214 @@
+//! Goldens with the source's numbers, and every plan against what a plan must be.
+
+use proptest::prelude::*;
+use supersigma_config::{RampConfig, ShortMoves};
+use supersigma_protocol::{Distance, SpeedIndex};
+
+use super::*;
+
+fn table(method: ShortMoves) -> Table {
+    Table::new(&RampConfig { short_moves: method, ..RampConfig::default() })
+        .expect("the default ramp is good")
+}
+
+fn steps(steps: u16) -> Distance {
+    Distance::new(steps).expect("not zero")
+}
+
+fn seconds(plan: &Plan) -> f64 {
+    Ticks(plan.duration()).as_seconds()
+}
+
+#[test]
+fn the_table_is_the_papers() {
+    let table = table(ShortMoves::Paper);
+    assert_eq!(table.differences().len(), 232);
+    assert_eq!(table.differences()[..3], [163, 150, 138]);
+    assert_eq!(table.differences().iter().map(|d| u32::from(*d)).sum::<u32>(), 2_944);
+    assert_eq!((table.counts()[0], table.counts()[232]), (3_076, 132));
+    assert_eq!((table.period(SpeedIndex::START), table.period(SpeedIndex::TOP)), (3_077, 133));
+}
+
+#[test]
+fn the_full_ramp_has_about_2600_steps_in_three_tenths_of_a_second() {
+    let table = table(ShortMoves::Paper);
+    let ramp = u64::from(SpeedIndex::TOP.get()) * table.interval().0;
+    assert_eq!(ramp, 598_560);
+    for plan in [
+        Plan::ramped(&table, Distance::MAX, SpeedIndex::TOP),
+        Plan::fastest(&table, Distance::MAX, SpeedIndex::TOP),
+    ] {
+        let pulses = plan.pulses_by(ramp);
+        assert!((2_585..=2_589).contains(&pulses), "{pulses}");
+    }
+}
+
+#[test]
+fn the_papers_times_for_short_movements() {
+    let table = table(ShortMoves::Paper);
+    for (length, expected) in [(199, 0.306), (200, 0.643), (1_000, 0.618)] {
+        let plan = Plan::ramped(&table, steps(length), SpeedIndex::TOP);
+        let seconds = seconds(&plan);
+        assert!(
+            (seconds - expected).abs() < 0.004,
+            "{length} steps: {seconds} s, the paper's method needs {expected}"
+        );
+    }
+}
+
+#[test]
+fn a_movement_is_long_from_two_ramps_and_the_offset_on() {
+    let table = table(ShortMoves::Paper);
+    let slowest = |length| Plan::ramped(&table, steps(length), SpeedIndex::TOP).period(1);
+    assert!(slowest(5_183) > 3_077);
+    assert_eq!(slowest(5_184), 3_077);
+    assert_eq!(slowest(65_535), 3_077);
+}
+
+#[test]
+fn the_optimal_method_solves_the_papers_open_problem() {
+    let table = table(ShortMoves::Optimal);
+    for (length, bound) in [(200, 0.115), (1_000, 0.264)] {
+        let seconds = seconds(&Plan::ramped(&table, steps(length), SpeedIndex::TOP));
+        assert!(seconds < bound * 1.03, "{length} steps in {seconds} s");
+    }
+}
+
+/// What every plan must be, whatever made it.
+fn check(plan: &Plan, total: u32, longest_period: u32) {
+    assert_eq!(plan.total().0, total);
+    let (mut before, mut end, mut written, mut period) = (0, 0, 0, 0);
+    for run in plan.runs() {
+        assert_eq!((run.before, run.start), (before, end), "runs follow each other: {run:?}");
+        assert!((133..=longest_period).contains(&run.period), "{run:?}");
+        if let Some(tick) = run.written {
+            assert!(tick >= written, "counts are written in order: {run:?}");
+            assert!(run.pulses == 0 || tick <= run.start, "a count is written before it rules: {run:?}");
+            written = tick;
+        } else {
+            assert_eq!(run.period, period, "the chip has the count: {run:?}");
+        }
+        period = run.period;
+        before += run.pulses;
+        end += u64::from(run.pulses) * u64::from(run.period);
+    }
+    assert_eq!(plan.duration(), end);
+}
+
+/// A count rules from the first period that begins at or after its write, unless a later count has been written by
+/// then. The chip's rule, applied plainly to the writes, must give the plan's own pulses.
+fn pulses_from_writes(plan: &Plan) -> Vec<u64> {
+    let mut pulses = vec![];
+    let mut now = 0;
+    for _ in 0..plan.total().0 {
+        let ruling = plan
+            .runs()
+            .iter()
+            .rfind(|run| run.written.is_some_and(|written| written <= now))
+            .expect("the first count is written at 0");
+        now += u64::from(ruling.period);
+        pulses.push(now);
+    }
+    pulses
+}
+
+fn pulses_from_plan(plan: &Plan) -> Vec<u64> {
+    (1..=plan.total().0).map(|pulse| plan.tick_of(pulse)).collect()
+}
+
+#[test]
+fn every_length_can_be_planned_by_both_methods() {
+    for method in [ShortMoves::Paper, ShortMoves::Optimal] {
+        let table = table(method);
+        for length in (1..=6_000).chain([10_000, 65_534, 65_535]) {
+            check(&Plan::ramped(&table, steps(length), SpeedIndex::TOP), length.into(), 65_536);
+        }
+    }
+}
+
+#[test]
+fn optimal_plans_never_change_speed_by_more_than_the_full_ramp_does() {
+    let table = table(ShortMoves::Optimal);
+    let largest = |plan: &Plan| {
+        let speeds: Vec<f64> = plan.runs().iter().map(|run| 2e6 / f64::from(run.period)).collect();
+        speeds.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max)
+    };
+    let full = largest(&Plan::fastest(&table, Distance::MAX, SpeedIndex::TOP));
+    for length in 1..=5_300 {
+        assert!(largest(&Plan::fastest(&table, steps(length), SpeedIndex::TOP)) <= full, "{length} steps");
+    }
+}
+
+proptest! {
+    #[test]
+    fn plans_are_what_the_chip_makes_of_their_writes(
+        length in 1_u16..=9_000, limit in 0_u8..=232, paper: bool,
+    ) {
+        let table = table(if paper { ShortMoves::Paper } else { ShortMoves::Optimal });
+        let limit = SpeedIndex::new(limit).expect("in range");
+        let plan = Plan::ramped(&table, steps(length), limit);
+        check(&plan, length.into(), 65_536);
+        prop_assert!(plan.runs().iter().all(|run| run.pulses == 0 || run.period >= table.period(limit)));
+        prop_assert_eq!(pulses_from_writes(&plan), pulses_from_plan(&plan));
+    }
+
+    #[test]
+    fn a_stop_leaves_the_past_and_the_running_period_alone(
+        length in 1_u16..=9_000, limit in 0_u8..=232, paper: bool, part in 0.0..1.0_f64, steep: bool, again in 0_u64..400_000,
+    ) {
+        let table = table(if paper { ShortMoves::Paper } else { ShortMoves::Optimal });
+        let plan = Plan::ramped(&table, steps(length), SpeedIndex::new(limit).expect("in range"));
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss, reason = "any tick will do")]
+        let tick = (plan.duration() as f64 * part) as u64;
+        let mut stopped = plan.clone();
+        stopped.stop(&table, tick, if steep { Stop::Brake } else { Stop::Halt });
+        check(&stopped, stopped.total().0, 65_536);
+        prop_assert!(stopped.total() <= plan.total());
+        let running = plan.pulses_by(tick) + 1;
+        for pulse in 1..=running.min(plan.total().0) {
+            prop_assert_eq!(stopped.tick_of(pulse), plan.tick_of(pulse));
+        }
+        for pulse in running + 1..=stopped.total().0 {
+            prop_assert!(stopped.period(pulse) >= stopped.period(pulse - 1), "a stop never speeds up");
+        }
+        if stopped != plan {
+            prop_assert!(stopped.period(stopped.total().0) >= 2_914, "the last period is slow enough to stop from");
+        }
+        // A brake after a halt shortens what is left, and never the past.
+        let mut twice = stopped.clone();
+        twice.stop(&table, tick + again, Stop::Brake);
+        check(&twice, twice.total().0, 65_536);
+        prop_assert!(twice.total() <= stopped.total());
+    }
+
+    #[test]
+    fn pulses_by_is_the_inverse_of_tick_of(length in 1_u16..=65_535, pulse in 1_u32..=65_535) {
+        let table = table(ShortMoves::Optimal);
+        let plan = Plan::ramped(&table, steps(length), SpeedIndex::TOP);
+        let pulse = pulse.min(plan.total().0);
+        prop_assert_eq!(plan.pulses_by(plan.tick_of(pulse)), pulse);
+        prop_assert_eq!(plan.pulses_by(plan.tick_of(pulse) - 1), pulse - 1);
+    }
+
+    #[test]
+    fn followers_stay_within_a_step_of_the_line(
+        lead in 1_u16..=20_000, own in 1_u16..=20_000, part in 0.0..1.5_f64, steep: bool,
+    ) {
+        let (lead, own) = (lead.max(own), own.min(lead));
+        let table = table(ShortMoves::Optimal);
+        let plan = Plan::fastest(&table, steps(lead), SpeedIndex::TOP);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss, reason = "any tick will do")]
+        let tick = (plan.duration() as f64 * part) as u64;
+        let mut leader = plan.clone();
+        let mut follower = Schedule::on_line(plan, steps(own), steps(lead));
+        let stop = if steep { Stop::Brake } else { Stop::Halt };
+        leader.stop(&table, tick, stop);
+        follower.stop(&table, tick, stop);
+        for pulse in 1..=follower.total().0 {
+            let ideal = u64::from(pulse) * u64::from(lead);
+            let leading = u64::from(leader.pulses_by(follower.tick_of(pulse)));
+            let apart = (leading * u64::from(own)).abs_diff(ideal);
+            prop_assert!(apart <= u64::from(lead), "pulse {} of {}", pulse, follower.total());
+        }
+    }
+}

@@ -1,0 +1,191 @@
+//! The worker process: a card, its port on the bus, and real time. A thin shell: it gives the card ticks and frames,
+//! puts its answers on the bus, and sleeps until the card's next event or the next frame.
+//!
+//! Its standard input is its lifeline: a pipe whose other end only the CCU holds. End of file means that the CCU is
+//! gone, however it went; the card then brakes, says that it leaves, and the process ends.
+
+use std::io::{self, Read};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+
+use clap::Args;
+use supersigma_config::{Config, ConfigError, RampError};
+use supersigma_protocol::bus::shared_memory::{Place, SharedBus};
+use supersigma_protocol::bus::{Bus, BusError, Receive, Transmit, Wake, Waker};
+use supersigma_protocol::{
+    About, Address, Alarm, Answer, Body, CardKind, Frame, Occasion, Report, Sender, Sequence, Tick, Ticks,
+};
+
+use crate::card::Card;
+use crate::clock::{Clock, Monotonic, TimeScale};
+
+/// What a worker is told by whoever starts it.
+#[derive(Debug, Clone, Args)]
+pub struct WorkerArgs {
+    /// The address of its card: 1 to 7, or 8 for the digital cards
+    #[arg(long, value_parser = clap::value_parser!(u8).range(1..=8))]
+    pub card: u8,
+    /// The set's runtime folder
+    #[arg(long, value_name = "DIR")]
+    pub runtime: PathBuf,
+    /// The set's configuration
+    #[arg(long, value_name = "FILE")]
+    pub config: PathBuf,
+    /// The set's tick 0, in nanoseconds of the machine's monotonic clock
+    #[arg(long, value_name = "NS")]
+    pub epoch: u64,
+    /// How many times faster than real time
+    #[arg(long, value_name = "K", default_value_t = TimeScale::REAL)]
+    pub time_scale: TimeScale,
+}
+
+/// Why a worker could not work.
+#[derive(Debug, thiserror::Error)]
+pub enum WorkerError {
+    /// The configuration.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The ramp of its axis.
+    #[error(transparent)]
+    Ramp(#[from] RampError),
+    /// The configuration has no such axis.
+    #[error("the configuration has no axis with address {0}")]
+    NoSuchAxis(u8),
+    /// The bus.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+    /// A thread could not be started.
+    #[error("cannot watch the lifeline: {0}")]
+    Lifeline(#[source] io::Error),
+}
+
+/// Works until the lifeline ends.
+///
+/// # Errors
+/// If it cannot start, or the bus fails; then the card has braked.
+pub fn run(args: &WorkerArgs) -> Result<(), WorkerError> {
+    let config = Config::load(&args.config)?;
+    let card = match Address(args.card).kind() {
+        CardKind::Axis(number) => Card::axis(&config, number)?.ok_or(WorkerError::NoSuchAxis(args.card))?,
+        _ => Card::digital(&config),
+    };
+    let clock = Clock::new(Monotonic::from_nanos(args.epoch), args.time_scale);
+    let bus = SharedBus::join(&Place::new(&args.runtime)?)?;
+    let (transmit, receive) = bus.card(card.address())?;
+    let ccu_gone = watch_lifeline(receive.waker())?;
+    let heartbeat = std::time::Duration::from_millis(config.supervision.heartbeat_ms.into());
+    let heartbeat = clock.scale().ticks(heartbeat);
+    let worker =
+        Worker { card, clock, transmit, receive, heartbeat, sequence: Sequence(0), said: Vec::new() };
+    worker.work(&ccu_gone)
+}
+
+/// Sets the flag and raises the port's own line when standard input ends.
+fn watch_lifeline(waker: Waker) -> Result<Arc<AtomicBool>, WorkerError> {
+    let gone = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&gone);
+    let watch = move || {
+        // Nobody writes to the lifeline; whatever comes is not for us.
+        let mut buffer = [0; 64];
+        while matches!(io::stdin().read(&mut buffer), Ok(1..)) {}
+        flag.store(true, Ordering::Release);
+        waker.wake();
+    };
+    thread::Builder::new().name("lifeline".into()).spawn(watch).map_err(WorkerError::Lifeline)?;
+    Ok(gone)
+}
+
+struct Worker<T, R> {
+    card: Card,
+    clock: Clock,
+    transmit: T,
+    receive: R,
+    heartbeat: Ticks,
+    sequence: Sequence,
+    /// What the card has said and the bus has not got yet; kept to reuse its memory.
+    said: Vec<Answer>,
+}
+
+impl<T: Transmit, R: Receive> Worker<T, R> {
+    fn work(mut self, ccu_gone: &AtomicBool) -> Result<(), WorkerError> {
+        self.card.advance(self.clock.now(), &mut self.said);
+        self.speak(Occasion::Joined)?;
+        let mut heartbeat = self.clock.now() + self.heartbeat;
+        let mut leaving = false;
+        loop {
+            // Read before the bus: a command that came before the end is then still carried out.
+            let gone = ccu_gone.load(Ordering::Acquire);
+            self.catch_up()?;
+            if gone && !leaving {
+                leaving = true;
+                if self.card.next_event().is_some() {
+                    self.card.emergency(Alarm::CcuLost, &mut self.said);
+                    self.flush()?;
+                }
+            }
+            if leaving && self.card.next_event().is_none() {
+                return self.speak(Occasion::Leaving);
+            }
+            if self.card.now() >= heartbeat {
+                self.speak(Occasion::Heartbeat)?;
+                heartbeat = self.card.now() + self.heartbeat;
+            }
+            let next = self.card.next_event().map_or(heartbeat, |event| event.min(heartbeat));
+            self.receive.wait(self.clock.until(next))?;
+        }
+    }
+
+    /// Brings the card to the present and lets it hear what is on the bus.
+    fn catch_up(&mut self) -> Result<(), WorkerError> {
+        self.advance_to_now();
+        while let Some(bytes) = self.receive.receive()? {
+            match Frame::decode(&bytes) {
+                Ok(frame) => {
+                    self.advance_to_now();
+                    self.card.hear(&frame, &mut self.said);
+                }
+                Err(error) => tracing::warn!(%error, "what the bus brought is not a frame"),
+            }
+        }
+        self.flush()
+    }
+
+    fn advance_to_now(&mut self) {
+        let now: Tick = self.clock.now().max(self.card.now());
+        self.card.advance(now, &mut self.said);
+    }
+
+    fn speak(&mut self, occasion: Occasion) -> Result<(), WorkerError> {
+        let answer = self.card.speak(occasion);
+        self.said.push(answer);
+        self.flush()
+    }
+
+    /// Puts on the bus what the card has said.
+    fn flush(&mut self) -> Result<(), WorkerError> {
+        for answer in self.said.drain(..) {
+            let wake = match answer.about {
+                // The CCU looks for heartbeats by its own clock.
+                About::Unasked(Occasion::Heartbeat) => Wake::Nobody,
+                _ => Wake::Everyone,
+            };
+            if let Report::Axis(report) = answer.report
+                && let Some(alarm) = report.alarm
+                && answer.about == About::Unasked(Occasion::Changed)
+            {
+                tracing::warn!(card = %answer.card, %alarm, tick = answer.acted_at.0, "alarm");
+            }
+            let frame = Frame {
+                sender: Sender::Card(self.card.address()),
+                sequence: self.sequence,
+                tick: self.clock.now(),
+                body: Body::Answer(answer),
+            };
+            self.sequence = self.sequence.next();
+            self.transmit.send(&frame.encode(), wake)?;
+        }
+        Ok(())
+    }
+}

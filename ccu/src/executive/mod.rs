@@ -1,0 +1,471 @@
+//! The executive of \[F\]: sense, control, wait. It turns a [`Request`] into commands on the bus, knows from the plan
+//! when each movement is due, and judges by the sense points whether it has come true. It moves nothing itself and
+//! reads no clock but its [`Link`]'s; a live set and a dry run are driven by this very code.
+
+mod link;
+mod request;
+
+use std::time::Duration;
+
+use axis_worker::ramp::Plan;
+use supersigma_protocol::{
+    About, Activity, Address, Answer, AxisNumber, AxisReport, Broadcast, CardKind, Command, Distance, Operation,
+    Refusal, Report, Sequence, SpeedIndex, Steps, Tick, Ticks,
+};
+
+pub use link::{Heard, Knowledge, Link};
+pub use request::{AxisState, Displacement, Failure, Movement, MovementKind, Outcome, RawAnswer, Request};
+
+/// Somebody who carries out requests: an executive, or a client of one.
+pub trait Operate {
+    /// Carries out one request, and returns when it is done.
+    ///
+    /// # Errors
+    /// Why it could not be done.
+    fn operate(&mut self, request: Request) -> Result<Outcome, Failure>;
+}
+
+/// Sense, control, wait, over one link.
+#[derive(Debug)]
+pub struct Executive<L> {
+    link: L,
+    /// What was heard while waiting for something else.
+    heard: Vec<Heard>,
+}
+
+/// A movement that has been commanded.
+#[derive(Debug, Clone, Copy)]
+struct Underway {
+    axis: AxisNumber,
+    kind: MovementKind,
+    asked: Option<Displacement>,
+    start: Tick,
+    due: Tick,
+}
+
+impl<L: Link> Operate for Executive<L> {
+    fn operate(&mut self, request: Request) -> Result<Outcome, Failure> {
+        self.heard.clear();
+        match request {
+            Request::Originate { axes } => {
+                let axes = self.link.knowledge().axes(&axes)?;
+                self.search(&axes, Operation::Originate, MovementKind::Origin)
+            }
+            Request::SeekReference { axis } => {
+                self.search(&[axis], Operation::SeekReference, MovementKind::Reference)
+            }
+            Request::Move { axis, by, speed, constant, wait } => self.movement(axis, by, speed, constant, wait),
+            Request::Line { parts, speed, wait } => self.line(&parts, speed, wait),
+            Request::Halt { axes } => self.tell(&axes, Operation::Halt),
+            Request::Brake { axes } => self.tell(&axes, Operation::Brake),
+            Request::Clear { axes } => self.tell(&axes, Operation::Clear),
+            Request::Status { axes } => self.status(&axes),
+            Request::Output { bit, on } => self.output(bit, on),
+            Request::Digital { card } => self.digital(card, Operation::Status).map(Outcome::Digital),
+            Request::Wait { ticks } => self.wait(ticks),
+            Request::Send { bytes } => self.raw(bytes.into()),
+        }
+    }
+}
+
+impl<L: Link> Executive<L> {
+    /// An executive over `link`.
+    pub fn new(link: L) -> Self {
+        Self { link, heard: Vec::new() }
+    }
+
+    /// Its link.
+    pub fn link(&self) -> &L {
+        &self.link
+    }
+
+    /// Its link.
+    pub fn link_mut(&mut self) -> &mut L {
+        &mut self.link
+    }
+
+    fn movement(
+        &mut self,
+        axis: AxisNumber,
+        by: Displacement,
+        speed: Option<f64>,
+        constant: bool,
+        wait: bool,
+    ) -> Result<Outcome, Failure> {
+        let limit = speed.map(|speed| self.speed(axis, speed)).transpose()?;
+        let Some((direction, distance)) = by.split()? else {
+            self.link.knowledge().table(axis)?;
+            return Ok(Outcome::Moved(vec![]));
+        };
+        let kind = if constant { MovementKind::Slew } else { MovementKind::Move };
+        let operation = match (limit, constant) {
+            (None, false) => Operation::Move { direction, distance },
+            (Some(limit), false) => Operation::MoveLimited { direction, distance, limit },
+            (speed, true) => {
+                Operation::Slew { direction, distance, speed: speed.unwrap_or(SpeedIndex::START) }
+            }
+        };
+        let table = self.link.knowledge().table(axis)?;
+        let plan = match operation {
+            Operation::Slew { speed, .. } => Plan::constant(table, distance, speed),
+            _ => Plan::ramped(table, distance, limit.unwrap_or(SpeedIndex::TOP)),
+        };
+        let answer = self.command(axis, operation)?;
+        if !wait {
+            return Ok(Outcome::Done);
+        }
+        let start = answer.acted_at;
+        let due = start + Ticks(plan.duration());
+        self.complete(&[Underway { axis, kind, asked: Some(by), start, due }])
+    }
+
+    /// Origination or search for the reference step, of several axes at once.
+    fn search(
+        &mut self,
+        axes: &[AxisNumber],
+        operation: Operation,
+        kind: MovementKind,
+    ) -> Result<Outcome, Failure> {
+        let mut underway = Vec::with_capacity(axes.len());
+        for axis in axes {
+            let knowledge = self.link.knowledge();
+            let table = knowledge.table(*axis)?;
+            let Some(config) = knowledge.config.axis(*axis) else {
+                return Err(Failure::NoSuchAxis { axis: *axis });
+            };
+            // Nobody knows how long a search takes; it is bounded by its steps: the whole rail at the ceiling of the
+            // approach, and the short legs, which may be twice as long as expected, at start speed.
+            let rail = &config.rail;
+            let approach = u64::from(rail.length.0) * u64::from(table.period(config.origination.speed));
+            let slow = 2 * u64::from((rail.lower_zone + rail.reference).0) * u64::from(table.period(SpeedIndex::START));
+            let ramps = 2 * table.interval().0 * u64::from(SpeedIndex::TOP.get());
+            let start = match self.command(*axis, operation) {
+                Ok(answer) => answer.acted_at,
+                Err(failure) => {
+                    self.halt(&underway)?;
+                    return Err(failure);
+                }
+            };
+            let due = start + Ticks(approach + slow + ramps);
+            underway.push(Underway { axis: *axis, kind, asked: None, start, due });
+        }
+        self.complete(&underway)
+    }
+
+    /// A straight line: arm all, start all at one tick, wait for all.
+    fn line(
+        &mut self,
+        parts: &[(AxisNumber, Displacement)],
+        speed: Option<f64>,
+        wait: bool,
+    ) -> Result<Outcome, Failure> {
+        let mut moves = Vec::with_capacity(parts.len());
+        for (axis, by) in parts {
+            self.link.knowledge().table(*axis)?;
+            if let Some((direction, distance)) = by.split()? {
+                moves.push((*axis, *by, direction, distance));
+            }
+        }
+        let Some(&(leader, _, _, longest)) = moves.iter().max_by_key(|(.., distance)| *distance) else {
+            return Err(Failure::EmptyLine);
+        };
+        let limit = speed.map(|speed| self.speed(leader, speed)).transpose()?;
+        let table = self.link.knowledge().table(leader)?;
+        let duration = Ticks(Plan::ramped(table, longest, limit.unwrap_or(SpeedIndex::TOP)).duration());
+        let mut armed = Vec::with_capacity(moves.len());
+        for (axis, by, direction, distance) in moves {
+            let arming = self
+                .command(axis, Operation::Lead { distance: longest, limit })
+                .and_then(|_| self.command(axis, Operation::ArmLine { direction, distance }));
+            if let Err(failure) = arming {
+                self.halt(&armed)?;
+                return Err(failure);
+            }
+            let never = Tick(0);
+            armed.push(Underway { axis, kind: MovementKind::Line, asked: Some(by), start: never, due: never });
+        }
+        let start = self.start_together(&armed)?;
+        for underway in &mut armed {
+            (underway.start, underway.due) = (start, start + duration);
+        }
+        if wait { self.complete(&armed) } else { Ok(Outcome::Done) }
+    }
+
+    /// Names one start tick to all armed axes. Unless every one confirms it before half of the lead has passed, the
+    /// line is called off while there is still time, so that nobody moves.
+    fn start_together(&mut self, armed: &[Underway]) -> Result<Tick, Failure> {
+        let lead = Duration::from_millis(self.link.knowledge().config.line.lead_ms.into());
+        let now = self.link.now();
+        let (start, confirmed_by) = (now + self.link.ticks(lead), now + self.link.ticks(lead / 2));
+        let mut pending = Vec::with_capacity(armed.len());
+        for underway in armed {
+            let go = Command::new(underway.axis.address(), Operation::Go);
+            let sequence = self.link.send(Broadcast { at: Some(start), ..go.into() })?;
+            pending.push((underway.axis, sequence));
+        }
+        for (axis, sequence) in pending {
+            let confirmed = match self.answer_to(sequence, confirmed_by)? {
+                Some(answer) => refused(axis, &answer),
+                None => Err(Failure::NotConfirmed { axis }),
+            };
+            if let Err(failure) = confirmed {
+                self.halt(armed)?;
+                return Err(failure);
+            }
+        }
+        Ok(start)
+    }
+
+    fn halt(&mut self, underway: &[Underway]) -> Result<(), Failure> {
+        for underway in underway {
+            self.link.send(Command::new(underway.axis.address(), Operation::Halt).into())?;
+        }
+        Ok(())
+    }
+
+    /// Waits until all of these movements are over, and judges them.
+    fn complete(&mut self, underway: &[Underway]) -> Result<Outcome, Failure> {
+        let result = self.watch(underway);
+        match &result {
+            Err(Failure::Cancelled) => self.halt(underway)?,
+            // One axis of a line that stops by itself has left it; the others must not run on alone.
+            Err(_) if underway.len() > 1 && underway.iter().all(|one| one.kind == MovementKind::Line) => {
+                for other in underway {
+                    self.link.send(Command::new(other.axis.address(), Operation::Brake).into())?;
+                }
+            }
+            _ => {}
+        }
+        result
+    }
+
+    fn watch(&mut self, underway: &[Underway]) -> Result<Outcome, Failure> {
+        let margin_ms = self.link.knowledge().config.executive.overdue_ms;
+        let margin = self.link.ticks(Duration::from_millis(margin_ms.into()));
+        let mut over: Vec<Option<Movement>> = vec![None; underway.len()];
+        loop {
+            let waiting = underway.iter().zip(&over).filter(|(_, over)| over.is_none());
+            let Some((next, deadline)) =
+                waiting.map(|(one, _)| (*one, one.due + margin)).min_by_key(|(_, deadline)| *deadline)
+            else {
+                return Ok(Outcome::Moved(over.into_iter().flatten().collect()));
+            };
+            let Some(heard) = self.hear(deadline)? else {
+                // Overdue. It may have ended and the news got lost: ask.
+                let answer = self.command(next.axis, Operation::Status)?;
+                if let Report::Axis(report) = answer.report
+                    && report.activity != Activity::Standing
+                {
+                    let failure =
+                        Failure::Overdue { axis: next.axis, milliseconds: margin_ms, done: report.steps };
+                    return Err(failure);
+                }
+                self.heard.push(Heard::Answer(answer));
+                continue;
+            };
+            let Heard::Answer(Answer { card, report: Report::Axis(report), acted_at, .. }) = heard else {
+                self.bad_news(heard, underway)?;
+                continue;
+            };
+            for (one, over) in underway.iter().zip(&mut over) {
+                if over.is_none() && one.axis.address() == card && acted_at > one.start {
+                    *over = judge(one, &report, acted_at)?;
+                }
+            }
+        }
+    }
+
+    /// What is not an answer ends the waiting if it concerns one of these movements.
+    fn bad_news(&self, heard: Heard, underway: &[Underway]) -> Result<(), Failure> {
+        match heard {
+            Heard::WorkerGone(card) if underway.iter().any(|one| one.axis.address() == card) => {
+                Err(Failure::WorkerGone { card })
+            }
+            Heard::NoLog => Err(Failure::NoLog),
+            Heard::FramesLost(card, lost) => Err(Failure::FramesLost { card, lost }),
+            Heard::GoingDown => Err(Failure::GoingDown),
+            Heard::WorkerGone(_) | Heard::Answer(_) => Ok(()),
+        }
+    }
+
+    /// The same command to several axes; all are told before any answer is waited for.
+    fn tell(&mut self, axes: &[AxisNumber], operation: Operation) -> Result<Outcome, Failure> {
+        let axes = self.link.knowledge().axes(axes)?;
+        let mut sent = Vec::with_capacity(axes.len());
+        for axis in &axes {
+            sent.push((*axis, self.link.send(Command::new(axis.address(), operation).into())));
+        }
+        let mut states = Vec::with_capacity(axes.len());
+        for (axis, sequence) in sent {
+            let report = match sequence {
+                Ok(sequence) => {
+                    let answer = self.answer(axis.address(), sequence)?;
+                    refused(axis, &answer)?;
+                    axis_report(&answer)
+                }
+                Err(Failure::WorkerGone { .. }) => None,
+                Err(failure) => return Err(failure),
+            };
+            states.push(AxisState { axis, report });
+        }
+        Ok(Outcome::Axes(states))
+    }
+
+    fn status(&mut self, axes: &[AxisNumber]) -> Result<Outcome, Failure> {
+        self.tell(axes, Operation::Status)
+    }
+
+    fn output(&mut self, bit: u8, on: bool) -> Result<Outcome, Failure> {
+        let word = self.digital(Address::DIGITAL_OUTPUT, Operation::Status)?;
+        let mask = 1_u16.checked_shl(bit.into()).unwrap_or(0);
+        let word = if on { word | mask } else { word & !mask };
+        self.digital(Address::DIGITAL_OUTPUT, Operation::WriteOutputs { word }).map(Outcome::Digital)
+    }
+
+    fn digital(&mut self, card: Address, operation: Operation) -> Result<u16, Failure> {
+        let sequence = self.link.send(Command::new(card, operation).into())?;
+        let answer = self.answer(card, sequence)?;
+        match (answer.about, answer.report) {
+            (About::Command(_, Err(refusal)), _) => Err(Failure::DigitalRefused { card, refusal }),
+            (_, Report::Digital(word)) => Ok(word),
+            (_, Report::Axis(_)) => Err(Failure::BusGone { reason: format!("{card} answers like an axis") }),
+        }
+    }
+
+    fn wait(&mut self, ticks: Ticks) -> Result<Outcome, Failure> {
+        let until = self.link.now() + ticks;
+        while let Some(heard) = self.hear(until)? {
+            if heard == Heard::GoingDown {
+                return Err(Failure::GoingDown);
+            }
+        }
+        Ok(Outcome::Done)
+    }
+
+    /// Raw bytes, and what every card that they are for says to them.
+    fn raw(&mut self, broadcast: Broadcast) -> Result<Outcome, Failure> {
+        let bytes = broadcast.bytes.as_slice();
+        let knowledge = self.link.knowledge();
+        let address = bytes.first().copied().map(Address);
+        let concerned = match address.map(Address::kind) {
+            Some(CardKind::Everyone) => knowledge.axes(&[])?.len(),
+            Some(CardKind::Axis(axis)) => usize::from(knowledge.table(axis).is_ok()),
+            Some(CardKind::DigitalInput | CardKind::DigitalOutput) => 1,
+            Some(CardKind::Unknown(_)) | None => 0,
+        };
+        let unheard = match address {
+            Some(Address(address)) => Refusal::UnknownAddress { address },
+            None => Refusal::TooShort { bytes: 0 },
+        };
+        let sequence = self.link.send(broadcast)?;
+        if concerned == 0 {
+            return Ok(Outcome::Answers(vec![RawAnswer { card: None, result: Err(unheard), report: None }]));
+        }
+        let mut answers = Vec::with_capacity(concerned);
+        let deadline = self.link.now() + self.link.ticks(self.patience());
+        while answers.len() < concerned {
+            let Some(answer) = self.answer_to(sequence, deadline)? else { break };
+            let result = match answer.about {
+                About::Command(_, result) => result,
+                About::Unasked(_) => Ok(()),
+            };
+            answers.push(RawAnswer { card: Some(answer.card), result, report: Some(answer.report) });
+        }
+        match (answers.is_empty(), address) {
+            (true, Some(card)) => Err(self.no_answer(card)),
+            _ => Ok(Outcome::Answers(answers)),
+        }
+    }
+
+    /// Commands one axis and waits for its consent.
+    fn command(&mut self, axis: AxisNumber, operation: Operation) -> Result<Answer, Failure> {
+        self.link.knowledge().table(axis)?;
+        let sequence = self.link.send(Command::new(axis.address(), operation).into())?;
+        let answer = self.answer(axis.address(), sequence)?;
+        refused(axis, &answer)?;
+        Ok(answer)
+    }
+
+    fn answer(&mut self, card: Address, sequence: Sequence) -> Result<Answer, Failure> {
+        let deadline = self.link.now() + self.link.ticks(self.patience());
+        self.answer_to(sequence, deadline)?.ok_or_else(|| self.no_answer(card))
+    }
+
+    fn patience(&self) -> Duration {
+        Duration::from_millis(self.link.knowledge().config.executive.answer_ms.into())
+    }
+
+    fn no_answer(&self, card: Address) -> Failure {
+        Failure::NoAnswer { card, milliseconds: self.link.knowledge().config.executive.answer_ms }
+    }
+
+    /// The next answer to the command with this number. Whatever else is heard is kept for later.
+    fn answer_to(&mut self, sequence: Sequence, until: Tick) -> Result<Option<Answer>, Failure> {
+        let wanted = |heard: &Heard| matches!(heard, Heard::Answer(answer) if matches!(answer.about, About::Command(to, _) if to == sequence));
+        if let Some(index) = self.heard.iter().position(wanted)
+            && let Heard::Answer(answer) = self.heard.remove(index)
+        {
+            return Ok(Some(answer));
+        }
+        while let Some(heard) = self.link.hear(until)? {
+            match heard {
+                Heard::Answer(answer) if wanted(&heard) => return Ok(Some(answer)),
+                Heard::GoingDown => return Err(Failure::GoingDown),
+                other => self.heard.push(other),
+            }
+        }
+        Ok(None)
+    }
+
+    /// The next thing heard, first of what was kept.
+    fn hear(&mut self, until: Tick) -> Result<Option<Heard>, Failure> {
+        if self.heard.is_empty() { self.link.hear(until) } else { Ok(Some(self.heard.remove(0))) }
+    }
+
+    /// The entry of the axis' ramp for a speed in steps per second.
+    fn speed(&self, axis: AxisNumber, asked: f64) -> Result<SpeedIndex, Failure> {
+        let table = self.link.knowledge().table(axis)?;
+        let (slowest, fastest) = (table.speed(SpeedIndex::START), table.speed(SpeedIndex::TOP));
+        // Half a step per second of grace, so that the round figures of the ramp's ends can be asked for.
+        if (slowest - 0.5..=fastest + 0.5).contains(&asked) {
+            Ok(table.index_at_most(asked))
+        } else {
+            Err(Failure::SpeedOutOfRange { axis, asked, slowest, fastest })
+        }
+    }
+}
+
+fn axis_report(answer: &Answer) -> Option<AxisReport> {
+    match answer.report {
+        Report::Axis(report) => Some(report),
+        Report::Digital(_) => None,
+    }
+}
+
+fn refused(axis: AxisNumber, answer: &Answer) -> Result<(), Failure> {
+    match answer.about {
+        About::Command(_, Err(refusal)) => Err(Failure::Refused { axis, refusal }),
+        _ => Ok(()),
+    }
+}
+
+/// What an axis' report means to its movement: under way, complete, or ended otherwise.
+fn judge(one: &Underway, report: &AxisReport, acted_at: Tick) -> Result<Option<Movement>, Failure> {
+    if report.activity != Activity::Standing {
+        return Ok(None);
+    }
+    let AxisReport { sense, steps: done, position, alarm, .. } = *report;
+    let axis = one.axis;
+    if let Some(alarm) = alarm {
+        return Err(Failure::Alarm { axis, alarm, done, position });
+    }
+    let complete = match one.asked {
+        Some(asked) => u64::from(done.0) == asked.0.unsigned_abs(),
+        None => position.is_some(),
+    };
+    if !complete {
+        return Err(Failure::Stopped { axis, done, position });
+    }
+    let took = acted_at.since(one.start);
+    Ok(Some(Movement { axis, kind: one.kind, asked: one.asked, done, sense, took, position }))
+}
