@@ -233,7 +233,7 @@ impl Movement {
     }
 
     fn write_run_after(&self, index: usize, earliest: u64) -> Option<Write> {
-        let later = self.schedule.own_plan()?.runs().iter().enumerate().skip(index + 1);
+        let mut later = self.schedule.own_plan()?.runs().iter().enumerate().skip(index + 1);
         let (next, written) = later.find_map(|(next, run)| Some((next, run.written?)))?;
         Some(Write { at: written.max(earliest), what: What::LoadRun(next) })
     }
