@@ -12,12 +12,14 @@
 //! gates moved *between* pulses.
 //!
 //! ```text
-//!             write N = 3        the count is transferred on the first pulse after the write, so mode 2
-//!                 v              pulls OUT low on pulses N, 2N, 3N ...
-//!    CLK   ---_---_ ---_ ---_ ---_ ---_ ---_ ---_
-//!                    3    2    1    3    2    1      counting element
-//!    OUT   --------------------____-----------___
+//!             write N = 3
+//!                  v
+//! CLK         __--__--__--__--__--__--__--__--__
+//! element             3   2   1   3   2   1   3
+//! OUT, mode 2 ----------------____--------____--
 //! ```
+//!
+//! The first pulse after the write transfers the count, so mode 2 pulls OUT low on pulses N, 2N, 3N and so on.
 //!
 //! # Why the card has two step counters
 //!
@@ -51,9 +53,11 @@
 mod control;
 mod counter;
 #[cfg(test)]
+mod golden;
+#[cfg(test)]
 mod oracle;
 #[cfg(test)]
-mod tests;
+mod properties;
 
 use core::num::NonZeroU64;
 
@@ -122,7 +126,8 @@ impl Pit8253 {
         self.counter(counter).out()
     }
 
-    /// Gives a counter `pulses` CLK pulses and tells how often its OUT fell and rose. Any number of pulses costs the same.
+    /// Gives a counter `pulses` CLK pulses and tells how often its OUT fell and rose. Any number of pulses costs the
+    /// same.
     ///
     /// Edges that a write or a gate makes are not in this count. In modes 1 to 5 these only ever *raise* OUT; in mode
     /// 0 the control word and every new count pull it low.
@@ -140,8 +145,8 @@ impl Pit8253 {
         self.counter(counter).clocks_until_falling(nth)
     }
 
-    /// The wiring of the axis card: `ticks` of 2 MHz into CLK0, and OUT0 into CLK1 and CLK2. Returns the number of times that OUT0
-    /// fell, which is the number of steps that the motor was given ([C], Fig 7).
+    /// The wiring of the axis card ([C], Fig 7): `ticks` of 2 MHz into CLK0, and OUT0 into CLK1 and CLK2. Returns how
+    /// often OUT0 fell, which is the number of steps that the motor was given.
     ///
     /// Counters 1 and 2 see all pulses of the batch; to act on a certain step, clock up to it (with
     /// [`clocks_until_falling`](Self::clocks_until_falling)). Counter 0 must not be in mode 0, the one mode in which
@@ -161,8 +166,8 @@ impl Pit8253 {
         self.load(counter, count);
     }
 
-    /// Writes a count, LSB then MSB. The counter must have been set up for both bytes; otherwise these are, as on the chip, two
-    /// counts of one byte each.
+    /// Writes a count, LSB then MSB. The counter must have been set up for both bytes; otherwise these are, as on the
+    /// chip, two counts of one byte each.
     #[inline]
     pub fn load(&mut self, counter: CounterId, count: Count) {
         self.counter_mut(counter).write_word(count);
