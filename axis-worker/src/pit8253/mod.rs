@@ -2,8 +2,8 @@
 //!
 //! The model follows Intel's data sheet of the 8253. Where only the sheet of its successor, the 8254, states a rule
 //! precisely (when a count is transferred, what a gate edge does), that rule is taken. It never follows a
-//! paper *about* the chip. Nothing in here knows of motors, ticks or commands; nothing panics, allocates or loops
-//! over pulses: a million CLK pulses cost what ten cost.
+//! paper *about* the chip. Of the card it knows the wiring, [`Pit8253::clock_card`], and nothing else. Nothing panics,
+//! allocates or loops over pulses: a million CLK pulses cost what ten cost.
 //!
 //! # One CLK pulse
 //!
@@ -24,7 +24,7 @@
 //! # Why the card has two step counters
 //!
 //! OUT0 steps the motor and is also CLK1 and CLK2 ([`Pit8253::clock_card`]). Counter 1 counts the steps of long
-//! moves, counter 2 serves moves of one or two steps ([C], Fig 7 and the text below it: "the internal organization
+//! moves, counter 2 serves moves of one or two steps (\[C\], Fig 7 and the text below it: "the internal organization
 //! of 8253 does not allow" one counter for both). These are the rules of the chip behind that sentence:
 //!
 //! * A count that has been written is only *transferred to the counting element on the next CLK pulse*. The first step
@@ -145,7 +145,7 @@ impl Pit8253 {
         self.counter(counter).clocks_until_falling(nth)
     }
 
-    /// The wiring of the axis card ([C], Fig 7): `ticks` of 2 MHz into CLK0, and OUT0 into CLK1 and CLK2. Returns how
+    /// The wiring of the axis card (\[C\], Fig 7): `ticks` of 2 MHz into CLK0, and OUT0 into CLK1 and CLK2. Returns how
     /// often OUT0 fell, which is the number of steps that the motor was given.
     ///
     /// Counters 1 and 2 see all pulses of the batch; to act on a certain step, clock up to it (with
