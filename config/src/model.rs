@@ -174,8 +174,8 @@ pub struct AxisConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RailConfig {
-    /// em, the last step: 65 535 at most, what one command can cross.
-    #[schemars(extend("maximum" = 65_535))]
+    /// em, the last step: 1 000 000 at most.
+    #[schemars(extend("maximum" = 1_000_000))]
     pub length: Steps,
     /// e1: the lower limit zone is 0 < e ≤ e1. Its detector is the limit switch of the origination, so the origin is e1 + 1.
     pub lower_zone: Steps,

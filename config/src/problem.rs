@@ -105,7 +105,7 @@ pub enum Problem {
         bound: u32,
     },
     /// A rail that no command can cross.
-    #[error("a rail of {length} steps is too long, one command moves 65 535 at most")]
+    #[error("a rail of {length} steps is too long, positions go to 1 000 000")]
     RailTooLong {
         /// Steps.
         length: u32,
@@ -231,7 +231,7 @@ impl Problem {
             }
             Self::NameTaken { .. } => "give each a name of its own",
             Self::Zero => "give 1 or more",
-            Self::RailTooLong { .. } => "give 65535 or less",
+            Self::RailTooLong { .. } => "give 1000000 or less",
             Self::StartBeyondRail { .. } => "start between 0 and `length`",
             Self::TravelBelowOrigin { .. } => {
                 "give 0 or more; 0 is the origin, the first step out of the lower limit zone"

@@ -7,6 +7,9 @@ use std::hash::Hash;
 use crate::problem::Problem;
 use crate::{AxisConfig, Config, KeyPath, RampConfig, RampError, SPEEDS};
 
+/// Positions are then far from the ends of their type.
+const LONGEST_RAIL: u32 = 1_000_000;
+
 /// A broken rule.
 #[derive(Debug)]
 pub(crate) struct Finding {
@@ -126,7 +129,7 @@ impl Findings {
                 self.between(table.key(name), table.key(below), Problem::NotAbove { value, below, bound });
             }
         }
-        if length > u32::from(u16::MAX) {
+        if length > LONGEST_RAIL {
             self.add(table.key("length"), Problem::RailTooLong { length });
         }
         if start > length {

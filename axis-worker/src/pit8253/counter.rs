@@ -2,8 +2,8 @@
 //!
 //! The counting element is held as the pulses it has `left` to zero, 1 ..= 65 536 (10 000 in BCD), so that the count
 //! of 0 needs no special case. A batch of pulses is at most four pieces: the pulse that transfers a new count, the rest
-//! of the period under way, a number of whole periods (a division), and the beginning of one more. Only the second
-//! and third are there when a rate generator runs, which is what the axis does all day.
+//! of the period under way, a number of whole periods (a division), and the beginning of one more. The first is
+//! missing when a rate generator runs, which is what the axis does all day, so that case is tested for first.
 
 use core::num::{NonZeroU32, NonZeroU64};
 
@@ -334,8 +334,8 @@ impl Counter {
         edges
     }
 
-    /// Goes `pulses` into the half period under way, fewer than it has. The 8253 counts by two; the first pulse after the load
-    /// of an odd count counts by one if OUT is high and by three if it is low.
+    /// Goes `pulses` into the half period under way, fewer than it has. The 8253 counts by two; the first pulse after
+    /// the load of an odd count counts by one if OUT is high and by three if it is low.
     fn enter_half(&mut self, pulses: u32) {
         if pulses > 0 {
             self.left = 2 * (half_period(self.left, self.out) - pulses);

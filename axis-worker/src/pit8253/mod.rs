@@ -2,8 +2,8 @@
 //!
 //! The model follows Intel's data sheet of the 8253. Where only the sheet of its successor, the 8254, states a rule
 //! precisely (when a count is transferred, what a gate edge does), that rule is taken. It never follows a
-//! paper *about* the chip. Nothing in here knows of motors, ticks or commands; nothing panics, allocates or loops
-//! over pulses: a million CLK pulses cost what ten cost.
+//! paper *about* the chip. Of the card it knows the wiring, [`Pit8253::clock_card`], and nothing else. Nothing panics,
+//! allocates or loops over pulses: a million CLK pulses cost what ten cost.
 //!
 //! # One CLK pulse
 //!
@@ -12,17 +12,19 @@
 //! gates moved *between* pulses.
 //!
 //! ```text
-//!             write N = 3        the count is transferred on the first pulse after the write, so mode 2
-//!                 v              pulls OUT low on pulses N, 2N, 3N ...
-//!    CLK   ---_---_ ---_ ---_ ---_ ---_ ---_ ---_
-//!                    3    2    1    3    2    1      counting element
-//!    OUT   --------------------____-----------___
+//!             write N = 3
+//!                  v
+//! CLK         __--__--__--__--__--__--__--__--__
+//! element             3   2   1   3   2   1   3
+//! OUT, mode 2 ----------------____--------____--
 //! ```
+//!
+//! The first pulse after the write transfers the count, so mode 2 pulls OUT low on pulses N, 2N, 3N and so on.
 //!
 //! # Why the card has two step counters
 //!
 //! OUT0 steps the motor and is also CLK1 and CLK2 ([`Pit8253::clock_card`]). Counter 1 counts the steps of long
-//! moves, counter 2 serves moves of one or two steps ([C], Fig 7 and the text below it: "the internal organization
+//! moves, counter 2 serves moves of one or two steps (\[C\], Fig 7 and the text below it: "the internal organization
 //! of 8253 does not allow" one counter for both). These are the rules of the chip behind that sentence:
 //!
 //! * A count that has been written is only *transferred to the counting element on the next CLK pulse*. The first step
@@ -51,9 +53,11 @@
 mod control;
 mod counter;
 #[cfg(test)]
+mod golden;
+#[cfg(test)]
 mod oracle;
 #[cfg(test)]
-mod tests;
+mod properties;
 
 use core::num::NonZeroU64;
 
@@ -120,7 +124,8 @@ impl Pit8253 {
         self.counter(counter).out()
     }
 
-    /// Gives a counter `pulses` CLK pulses and tells how often its OUT fell and rose. Any number of pulses costs the same.
+    /// Gives a counter `pulses` CLK pulses and tells how often its OUT fell and rose. Any number of pulses costs the
+    /// same.
     ///
     /// Edges that a write or a gate makes are not in this count. In modes 1 to 5 these only ever *raise* OUT; in mode
     /// 0 the control word and every new count pull it low.
@@ -138,8 +143,8 @@ impl Pit8253 {
         self.counter(counter).clocks_until_falling(nth)
     }
 
-    /// The wiring of the axis card: `ticks` of 2 MHz into CLK0, and OUT0 into CLK1 and CLK2. Returns the number of times that OUT0
-    /// fell, which is the number of steps that the motor was given ([C], Fig 7).
+    /// The wiring of the axis card (\[C\], Fig 7): `ticks` of 2 MHz into CLK0, and OUT0 into CLK1 and CLK2. Returns how
+    /// often OUT0 fell, which is the number of steps that the motor was given.
     ///
     /// Counters 1 and 2 see all pulses of the batch; to act on a certain step, clock up to it (with
     /// [`clocks_until_falling`](Self::clocks_until_falling)). Counter 0 must not be in mode 0, the one mode in which
@@ -159,8 +164,8 @@ impl Pit8253 {
         self.load(counter, count);
     }
 
-    /// Writes a count, LSB then MSB. The counter must have been set up for both bytes; otherwise these are, as on the chip, two
-    /// counts of one byte each.
+    /// Writes a count, LSB then MSB. The counter must have been set up for both bytes; otherwise these are, as on the
+    /// chip, two counts of one byte each.
     #[inline]
     pub fn load(&mut self, counter: CounterId, count: Count) {
         self.counter_mut(counter).write_word(count);

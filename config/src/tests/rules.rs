@@ -68,11 +68,11 @@ fn rails_are_in_order() {
         "above `upper_zone`",
     );
     breaks(
-        &axis_with("length = 10000", "length = 65536"),
-        "set.toml:4:19: axis[0].rail.length: a rail of 65536 steps is too long, one command moves 65 535 at most",
-        "65535 or less",
+        &axis_with("length = 10000", "length = 1000001"),
+        "set.toml:4:19: axis[0].rail.length: a rail of 1000001 steps is too long, positions go to 1 000 000",
+        "1000000 or less",
     );
-    assert!(Config::from_toml(&axis_with("length = 10000", "length = 65535"), "set.toml").is_ok());
+    assert!(Config::from_toml(&axis_with("length = 10000", "length = 1000000"), "set.toml").is_ok());
     breaks(
         &axis_with("start = 50", "start = 10001"),
         "set.toml:4:88: axis[0].rail.start: 10001 is beyond the end of the rail, 10000",
