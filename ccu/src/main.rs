@@ -1,1 +1,3 @@
+//! The `ccu` command.
+
 fn main() {}

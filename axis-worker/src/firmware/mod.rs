@@ -285,6 +285,7 @@ impl Firmware {
         let plan = Plan::ramped(&self.table, lead.distance, lead.limit);
         let schedule = Schedule::on_line(plan, distance, lead.distance);
         self.lead = None;
+        self.steps = Steps(0);
         self.state = State::Armed { direction, schedule, start: None };
         Ok(())
     }

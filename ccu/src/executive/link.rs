@@ -1,5 +1,6 @@
 //! What the executive needs of a set: to send, to hear, and to know the time. A live set and a dry run are two such links.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -14,7 +15,7 @@ use super::request::Failure;
 pub struct Knowledge {
     /// The set.
     pub config: Config,
-    tables: [Option<Table>; AxisNumber::COUNT],
+    tables: BTreeMap<AxisNumber, Table>,
 }
 
 impl Knowledge {
@@ -23,9 +24,9 @@ impl Knowledge {
     /// # Errors
     /// If an axis' ramp does not give a table.
     pub fn new(config: Config) -> Result<Arc<Self>, RampError> {
-        let mut tables = [const { None }; AxisNumber::COUNT];
+        let mut tables = BTreeMap::new();
         for axis in &config.axes {
-            tables[axis.address.index()] = Some(Table::new(config.ramp_of(axis))?);
+            tables.insert(axis.address, Table::new(config.ramp_of(axis))?);
         }
         Ok(Arc::new(Self { config, tables }))
     }
@@ -35,7 +36,7 @@ impl Knowledge {
     /// # Errors
     /// If the set does not have the axis.
     pub fn table(&self, axis: AxisNumber) -> Result<&Table, Failure> {
-        self.tables[axis.index()].as_ref().ok_or(Failure::NoSuchAxis { axis })
+        self.tables.get(&axis).ok_or(Failure::NoSuchAxis { axis })
     }
 
     /// These axes, or all of the set if none is named.

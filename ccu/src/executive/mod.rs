@@ -9,8 +9,8 @@ use std::time::Duration;
 
 use axis_worker::ramp::Plan;
 use supersigma_protocol::{
-    About, Activity, Address, Answer, AxisNumber, AxisReport, Broadcast, CardKind, Command, Distance, Operation,
-    Refusal, Report, Sequence, SpeedIndex, Steps, Tick, Ticks,
+    About, Activity, Address, Answer, AxisNumber, AxisReport, Broadcast, CardKind, Command, CommandBytes,
+    Operation, Refusal, Report, Sequence, SpeedIndex, Tick, Ticks,
 };
 
 pub use link::{Heard, Knowledge, Link};
@@ -39,6 +39,8 @@ struct Underway {
     axis: AxisNumber,
     kind: MovementKind,
     asked: Option<Displacement>,
+    /// When the card consented: what it says of a time before is not about this movement.
+    since: Tick,
     start: Tick,
     due: Tick,
 }
@@ -54,7 +56,9 @@ impl<L: Link> Operate for Executive<L> {
             Request::SeekReference { axis } => {
                 self.search(&[axis], Operation::SeekReference, MovementKind::Reference)
             }
-            Request::Move { axis, by, speed, constant, wait } => self.movement(axis, by, speed, constant, wait),
+            Request::Move { axis, by, speed, constant, wait } => {
+                self.movement(axis, by, speed, constant, wait)
+            }
             Request::Line { parts, speed, wait } => self.line(&parts, speed, wait),
             Request::Halt { axes } => self.tell(&axes, Operation::Halt),
             Request::Brake { axes } => self.tell(&axes, Operation::Brake),
@@ -63,7 +67,7 @@ impl<L: Link> Operate for Executive<L> {
             Request::Output { bit, on } => self.output(bit, on),
             Request::Digital { card } => self.digital(card, Operation::Status).map(Outcome::Digital),
             Request::Wait { ticks } => self.wait(ticks),
-            Request::Send { bytes } => self.raw(bytes.into()),
+            Request::Send { bytes } => self.raw(bytes),
         }
     }
 }
@@ -116,7 +120,7 @@ impl<L: Link> Executive<L> {
         }
         let start = answer.acted_at;
         let due = start + Ticks(plan.duration());
-        self.complete(&[Underway { axis, kind, asked: Some(by), start, due }])
+        self.complete(&[Underway { axis, kind, asked: Some(by), since: start, start, due }])
     }
 
     /// Origination or search for the reference step, of several axes at once.
@@ -137,7 +141,9 @@ impl<L: Link> Executive<L> {
             // approach, and the short legs, which may be twice as long as expected, at start speed.
             let rail = &config.rail;
             let approach = u64::from(rail.length.0) * u64::from(table.period(config.origination.speed));
-            let slow = 2 * u64::from((rail.lower_zone + rail.reference).0) * u64::from(table.period(SpeedIndex::START));
+            let slow = 2
+                * u64::from((rail.lower_zone + rail.reference).0)
+                * u64::from(table.period(SpeedIndex::START));
             let ramps = 2 * table.interval().0 * u64::from(SpeedIndex::TOP.get());
             let start = match self.command(*axis, operation) {
                 Ok(answer) => answer.acted_at,
@@ -147,7 +153,7 @@ impl<L: Link> Executive<L> {
                 }
             };
             let due = start + Ticks(approach + slow + ramps);
-            underway.push(Underway { axis: *axis, kind, asked: None, start, due });
+            underway.push(Underway { axis: *axis, kind, asked: None, since: start, start, due });
         }
         self.complete(&underway)
     }
@@ -177,12 +183,22 @@ impl<L: Link> Executive<L> {
             let arming = self
                 .command(axis, Operation::Lead { distance: longest, limit })
                 .and_then(|_| self.command(axis, Operation::ArmLine { direction, distance }));
-            if let Err(failure) = arming {
-                self.halt(&armed)?;
-                return Err(failure);
-            }
-            let never = Tick(0);
-            armed.push(Underway { axis, kind: MovementKind::Line, asked: Some(by), start: never, due: never });
+            let since = match arming {
+                Ok(answer) => answer.acted_at,
+                Err(failure) => {
+                    self.halt(&armed)?;
+                    return Err(failure);
+                }
+            };
+            // Start and due time follow when all are armed.
+            armed.push(Underway {
+                axis,
+                kind: MovementKind::Line,
+                asked: Some(by),
+                since,
+                start: since,
+                due: since,
+            });
         }
         let start = self.start_together(&armed)?;
         for underway in &mut armed {
@@ -264,27 +280,14 @@ impl<L: Link> Executive<L> {
                 continue;
             };
             let Heard::Answer(Answer { card, report: Report::Axis(report), acted_at, .. }) = heard else {
-                self.bad_news(heard, underway)?;
+                bad_news(heard, underway)?;
                 continue;
             };
             for (one, over) in underway.iter().zip(&mut over) {
-                if over.is_none() && one.axis.address() == card && acted_at > one.start {
+                if over.is_none() && one.axis.address() == card && acted_at > one.since {
                     *over = judge(one, &report, acted_at)?;
                 }
             }
-        }
-    }
-
-    /// What is not an answer ends the waiting if it concerns one of these movements.
-    fn bad_news(&self, heard: Heard, underway: &[Underway]) -> Result<(), Failure> {
-        match heard {
-            Heard::WorkerGone(card) if underway.iter().any(|one| one.axis.address() == card) => {
-                Err(Failure::WorkerGone { card })
-            }
-            Heard::NoLog => Err(Failure::NoLog),
-            Heard::FramesLost(card, lost) => Err(Failure::FramesLost { card, lost }),
-            Heard::GoingDown => Err(Failure::GoingDown),
-            Heard::WorkerGone(_) | Heard::Answer(_) => Ok(()),
         }
     }
 
@@ -343,10 +346,9 @@ impl<L: Link> Executive<L> {
     }
 
     /// Raw bytes, and what every card that they are for says to them.
-    fn raw(&mut self, broadcast: Broadcast) -> Result<Outcome, Failure> {
-        let bytes = broadcast.bytes.as_slice();
+    fn raw(&mut self, bytes: CommandBytes) -> Result<Outcome, Failure> {
         let knowledge = self.link.knowledge();
-        let address = bytes.first().copied().map(Address);
+        let address = bytes.as_slice().first().copied().map(Address);
         let concerned = match address.map(Address::kind) {
             Some(CardKind::Everyone) => knowledge.axes(&[])?.len(),
             Some(CardKind::Axis(axis)) => usize::from(knowledge.table(axis).is_ok()),
@@ -357,7 +359,7 @@ impl<L: Link> Executive<L> {
             Some(Address(address)) => Refusal::UnknownAddress { address },
             None => Refusal::TooShort { bytes: 0 },
         };
-        let sequence = self.link.send(broadcast)?;
+        let sequence = self.link.send(Broadcast { bytes, at: None })?;
         if concerned == 0 {
             return Ok(Outcome::Answers(vec![RawAnswer { card: None, result: Err(unheard), report: None }]));
         }
@@ -468,4 +470,17 @@ fn judge(one: &Underway, report: &AxisReport, acted_at: Tick) -> Result<Option<M
     }
     let took = acted_at.since(one.start);
     Ok(Some(Movement { axis, kind: one.kind, asked: one.asked, done, sense, took, position }))
+}
+
+/// What is not an answer ends the waiting if it concerns one of these movements.
+fn bad_news(heard: Heard, underway: &[Underway]) -> Result<(), Failure> {
+    match heard {
+        Heard::WorkerGone(card) if underway.iter().any(|one| one.axis.address() == card) => {
+            Err(Failure::WorkerGone { card })
+        }
+        Heard::NoLog => Err(Failure::NoLog),
+        Heard::FramesLost(card, lost) => Err(Failure::FramesLost { card, lost }),
+        Heard::GoingDown => Err(Failure::GoingDown),
+        Heard::WorkerGone(_) | Heard::Answer(_) => Ok(()),
+    }
 }

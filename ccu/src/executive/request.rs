@@ -340,7 +340,10 @@ impl Failure {
     #[must_use]
     pub fn exit_code(&self) -> u8 {
         match self {
-            Self::NoSuchAxis { .. } | Self::TooFar { .. } | Self::EmptyLine | Self::SpeedOutOfRange { .. } => 2,
+            Self::NoSuchAxis { .. }
+            | Self::TooFar { .. }
+            | Self::EmptyLine
+            | Self::SpeedOutOfRange { .. } => 2,
             Self::BusGone { .. } | Self::NoSet { .. } | Self::Control { .. } | Self::GoingDown => 3,
             _ => 1,
         }
