@@ -1,0 +1,155 @@
+//! What somebody should look at: gaps, bytes that are no frame, refusals, alarms. Their shape is `foxglove.Log`, which
+//! MCAP viewers list with its levels. This room words the events; it does not decide what follows from them.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+use supersigma_protocol::{
+    About, Address, Alarm, Answer, Body, Command, CommandBytes, Frame, FrameError, Occasion, Report,
+};
+
+use super::header::{AxisNames, WallTime};
+use super::senders::Gap;
+use super::view::{address_name, hex, sender_name};
+
+/// The levels of `foxglove.Log` that occur.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Level {
+    Warning = 3,
+    Error = 4,
+}
+
+/// One event, still without its time.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Event {
+    pub(super) level: Level,
+    /// Whom it is about.
+    pub(super) name: String,
+    pub(super) message: String,
+}
+
+/// `foxglove.Log` as JSON.
+#[derive(Debug, Serialize)]
+pub(super) struct LogMessage<'a> {
+    timestamp: Timestamp,
+    level: u8,
+    message: &'a str,
+    name: &'a str,
+    /// The schema asks for a place in a source text; events of the bus have none.
+    file: &'static str,
+    line: u32,
+}
+
+#[derive(Debug, Serialize)]
+struct Timestamp {
+    sec: u64,
+    nsec: u64,
+}
+
+impl Event {
+    fn new(level: Level, name: String, message: String) -> Self {
+        Self { level, name, message }
+    }
+
+    /// The event as it is written.
+    pub(super) fn at(&self, time: WallTime) -> LogMessage<'_> {
+        LogMessage {
+            timestamp: Timestamp { sec: time.0 / 1_000_000_000, nsec: time.0 % 1_000_000_000 },
+            level: self.level as u8,
+            message: &self.message,
+            name: &self.name,
+            file: "",
+            line: 0,
+        }
+    }
+
+    /// Frames that never arrived.
+    pub(super) fn gap(gap: Gap, names: &AxisNames) -> Self {
+        let message = format!(
+            "{} frames are missing from the log: number {} was due, {} came",
+            gap.lost(),
+            gap.expected.0,
+            gap.got.0
+        );
+        Self::new(Level::Error, sender_name(gap.sender, names), message)
+    }
+
+    /// A motor's state under an address that is no axis'.
+    pub(super) fn stranger(frame: &Frame) -> Self {
+        let message = format!("{} reports as a motor card, and is none", frame.sender);
+        Self::new(Level::Error, "bus".to_owned(), message)
+    }
+
+    /// Bytes that are no frame.
+    pub(super) fn undecodable(bytes: &[u8], error: &FrameError) -> Self {
+        Self::new(Level::Error, "bus".to_owned(), format!("{error} [{}]", hex(bytes)))
+    }
+}
+
+/// What is remembered of earlier frames, so that a lasting alarm is one event and a refusal names the command.
+#[derive(Debug, Default)]
+pub(super) struct Watch {
+    alarms: BTreeMap<Address, Alarm>,
+    /// The latest commands by sequence number, at most [`Watch::COMMANDS`].
+    commands: BTreeMap<u64, CommandBytes>,
+}
+
+impl Watch {
+    /// Answers come within milliseconds; this many commands cover seconds.
+    const COMMANDS: usize = 1_024;
+
+    /// The events in a frame. Frames must come in the order of the log.
+    pub(super) fn events(&mut self, frame: &Frame, names: &AxisNames) -> Vec<Event> {
+        match &frame.body {
+            Body::Command(command) => {
+                if self.commands.len() == Self::COMMANDS {
+                    self.commands.pop_first();
+                }
+                if frame.sequence.0 == 0 {
+                    self.commands.clear();
+                }
+                self.commands.insert(frame.sequence.0, command.bytes.clone());
+                Vec::new()
+            }
+            Body::Answer(answer) => {
+                let name = sender_name(frame.sender, names);
+                let refusal = self.refusal(answer).map(|text| Event::new(Level::Warning, name.clone(), text));
+                let alarm = self.alarm(answer).map(|alarm| {
+                    let card = address_name(answer.card, names);
+                    Event::new(Level::Error, name, format!("{card} is locked: {alarm}"))
+                });
+                refusal.into_iter().chain(alarm).collect()
+            }
+        }
+    }
+
+    fn refusal(&self, answer: &Answer) -> Option<String> {
+        let About::Command(sequence, Err(refusal)) = answer.about else {
+            return None;
+        };
+        let what = match self.commands.get(&sequence.0).map(CommandBytes::as_slice) {
+            None => String::new(),
+            Some(bytes) => match Command::decode(bytes) {
+                Ok(command) => format!(" ({})", command.operation.name()),
+                Err(_) => format!(" [{}]", hex(bytes)),
+            },
+        };
+        Some(format!("refused command {}{what}: {refusal}", sequence.0))
+    }
+
+    /// The alarm that this answer brings and the one before it did not.
+    fn alarm(&mut self, answer: &Answer) -> Option<Alarm> {
+        if answer.about == About::Unasked(Occasion::Joined) {
+            self.alarms.remove(&answer.card);
+        }
+        let alarm = match answer.report {
+            Report::Axis(report) => report.alarm,
+            Report::Digital(_) => None,
+        };
+        let before = match alarm {
+            Some(alarm) => self.alarms.insert(answer.card, alarm),
+            None => self.alarms.remove(&answer.card),
+        };
+        alarm.filter(|_| alarm != before)
+    }
+}

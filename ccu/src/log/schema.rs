@@ -1,0 +1,137 @@
+//! What the channels hold, in the words that MCAP viewers understand: JSON Schemas made from the views' types, the
+//! schema `foxglove.Log`, and the Rust types behind the raw frames.
+//!
+//! Viewers take a narrow dialect of JSON Schema: each property has exactly one `type`, there are no references and no
+//! alternatives. So the derived schemas are narrowed here, and a value that a view shows as `null` is left out of
+//! the twins altogether ([`twin`]), which keeps messages and schemas true to each other.
+
+use schemars::JsonSchema;
+use schemars::generate::SchemaSettings;
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+
+/// The Rust types of a frame, from which postcard's encoding follows.
+pub(super) const FRAME_TYPES: &str = include_str!("frame_types.txt");
+
+/// The JSON Schema of a view, narrowed.
+pub(super) fn view_schema<V: JsonSchema>() -> Value {
+    let settings =
+        SchemaSettings::draft2020_12().for_serialize().with(|settings| settings.inline_subschemas = true);
+    let mut schema = settings.into_generator().into_root_schema_for::<V>().to_value();
+    narrow(&mut schema);
+    schema
+}
+
+/// The JSON Schema of `foxglove.Log`.
+pub(super) fn log_schema() -> Value {
+    json!({
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "foxglove.Log",
+        "description": "A log message",
+        "type": "object",
+        "properties": {
+            "timestamp": {
+                "type": "object",
+                "title": "time",
+                "properties": {
+                    "sec": { "type": "integer", "minimum": 0 },
+                    "nsec": { "type": "integer", "minimum": 0, "maximum": 999_999_999 },
+                },
+            },
+            "level": {
+                "type": "integer",
+                "enum": [0, 1, 2, 3, 4, 5],
+                "description": "0 unknown, 1 debug, 2 info, 3 warning, 4 error, 5 fatal",
+            },
+            "message": { "type": "string", "description": "Log message" },
+            "name": { "type": "string", "description": "Process or node name" },
+            "file": { "type": "string", "description": "Filename" },
+            "line": { "type": "integer", "minimum": 0, "description": "Line number in the file" },
+        },
+    })
+}
+
+/// A view as a twin's message: its JSON without the values that are null.
+pub(super) fn twin(view: &impl Serialize) -> Vec<u8> {
+    // Views are structs of plain values: they always serialise, and a map with string keys always prints.
+    let mut value = serde_json::to_value(view).unwrap_or_default();
+    drop_nulls(&mut value);
+    value.to_string().into_bytes()
+}
+
+fn drop_nulls(value: &mut Value) {
+    if let Value::Object(fields) = value {
+        fields.retain(|_, field| !field.is_null());
+        fields.values_mut().for_each(drop_nulls);
+    }
+}
+
+/// Gives a schema and the schemas in it exactly one `type` each, and no alternatives.
+fn narrow(schema: &mut Value) {
+    let Value::Object(fields) = schema else {
+        return;
+    };
+    for alternatives in ["anyOf", "oneOf"] {
+        if let Some(Value::Array(alternatives)) = fields.remove(alternatives) {
+            for (key, value) in merge(alternatives) {
+                fields.entry(key).or_insert(value);
+            }
+        }
+    }
+    if let Some(Value::Array(types)) = fields.get("type")
+        && let Some(only) = types.iter().find(|name| *name != "null").cloned()
+    {
+        fields.insert("type".to_owned(), only);
+    }
+    let mut optional = Vec::new();
+    if let Some(Value::Object(properties)) = fields.get_mut("properties") {
+        for (name, property) in properties {
+            if takes_null(property) {
+                optional.push(Value::from(name.as_str()));
+            }
+            narrow(property);
+        }
+    }
+    if let Some(Value::Array(required)) = fields.get_mut("required") {
+        required.retain(|name| !optional.contains(name));
+    }
+}
+
+fn takes_null(schema: &Value) -> bool {
+    let among = |key: &str, test: fn(&Value) -> bool| {
+        schema.get(key).and_then(Value::as_array).is_some_and(|values| values.iter().any(test))
+    };
+    among("type", |name| name == "null") || among("anyOf", |alternative| alternative["type"] == "null")
+}
+
+/// One schema for several: strings become one enumeration; objects one object with the properties of all, of which
+/// none is required.
+fn merge(alternatives: Vec<Value>) -> Map<String, Value> {
+    let mut kept: Vec<Map<String, Value>> = alternatives
+        .into_iter()
+        .filter_map(|alternative| match alternative {
+            Value::Object(fields) if fields.get("type") != Some(&Value::from("null")) => Some(fields),
+            _ => None,
+        })
+        .collect();
+    if kept.len() == 1 {
+        return kept.swap_remove(0);
+    }
+    let mut words = Vec::new();
+    let mut properties = Map::new();
+    for mut fields in kept {
+        words.extend(fields.remove("const"));
+        if let Some(Value::Array(more)) = fields.remove("enum") {
+            words.extend(more);
+        }
+        if let Some(Value::Object(more)) = fields.remove("properties") {
+            properties.extend(more);
+        }
+    }
+    let (kind, key, value) = if words.is_empty() {
+        ("object", "properties", Value::Object(properties))
+    } else {
+        ("string", "enum", Value::Array(words))
+    };
+    Map::from_iter([("type".to_owned(), Value::from(kind)), (key.to_owned(), value)])
+}
