@@ -20,7 +20,9 @@ pub struct SetName(String);
 
 /// A name that is none.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{0:?} cannot be a set's name: 1 to 32 letters, digits, `-` and `_`, beginning with a letter or digit")]
+#[error(
+    "{0:?} cannot be a set's name: 1 to 32 letters, digits, `-` and `_`, beginning with a letter or digit"
+)]
 pub struct NoSetName(String);
 
 impl FromStr for SetName {
@@ -77,8 +79,7 @@ impl Home {
     pub fn of(name: SetName) -> Result<Self, HomeError> {
         let base = match std::env::var_os("XDG_RUNTIME_DIR").filter(|dir| Path::new(dir).is_absolute()) {
             Some(dir) => PathBuf::from(dir).join("supersigma"),
-            None => std::env::temp_dir()
-                .join(format!("supersigma-{}", rustix::process::getuid().as_raw())),
+            None => std::env::temp_dir().join(format!("supersigma-{}", rustix::process::getuid().as_raw())),
         };
         private_folder(&base)?;
         let owner = fs::symlink_metadata(&base).map_err(io_error("look at", &base))?;

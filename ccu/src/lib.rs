@@ -1,4 +1,5 @@
 //! The central control unit of a SUPERSIGMA set: the daemon that broadcasts on the MICROBUS, and the command line.
 
 pub mod executive;
+pub mod home;
 pub mod log;

@@ -59,9 +59,7 @@ impl Drop for Swept {
 
 fn commands_reach_every_card_in_order(bus: &impl Bus) {
     let (mut ccu, _answers) = bus.ccu().unwrap();
-    let mut cards: Vec<_> = (1..=8)
-        .map(|address| bus.card(Address(address)).unwrap().1)
-        .collect();
+    let mut cards: Vec<_> = (1..=8).map(|address| bus.card(Address(address)).unwrap().1).collect();
     for number in 0..1_000 {
         ccu.send(&frame(number), Wake::Nobody).unwrap();
     }
@@ -77,42 +75,29 @@ fn answers_of_one_card_keep_their_order(bus: &impl Bus<Transmit: 'static>) {
             let (mut answers, _commands) = bus.card(Address(card.try_into().unwrap())).unwrap();
             thread::spawn(move || {
                 for number in 0..400 {
-                    answers
-                        .send(&frame(card * 1_000 + number), Wake::Everyone)
-                        .unwrap();
+                    answers.send(&frame(card * 1_000 + number), Wake::Everyone).unwrap();
                 }
                 // A port that goes takes with it what nobody has read yet, so it stays until the CCU has.
                 answers
             })
         })
         .collect();
-    let _ports: Vec<_> = sending
-        .into_iter()
-        .map(|thread| thread.join().unwrap())
-        .collect();
+    let _ports: Vec<_> = sending.into_iter().map(|thread| thread.join().unwrap()).collect();
     let heard = numbers(&mut ccu);
     assert_eq!(heard.len(), 8 * 400);
     for card in 1..=8 {
-        let of_card = heard
-            .iter()
-            .copied()
-            .filter(|number| number / 1_000 == card);
+        let of_card = heard.iter().copied().filter(|number| number / 1_000 == card);
         assert!(of_card.eq(card * 1_000..card * 1_000 + 400), "card {card}");
     }
 }
 
 fn only_the_card_concerned_wakes(bus: &impl Bus) {
     let (mut ccu, _answers) = bus.ccu().unwrap();
-    let mut cards: Vec<_> = (1..=8)
-        .map(|address| (address, bus.card(Address(address)).unwrap().1))
-        .collect();
+    let mut cards: Vec<_> = (1..=8).map(|address| (address, bus.card(Address(address)).unwrap().1)).collect();
     let mut wakes = |wake, expected: &[u8]| {
         ccu.send(&frame(0), wake).unwrap();
         for (address, card) in &mut cards {
-            assert!(
-                is_woken(card, expected.contains(address)),
-                "card {address} by {wake:?}"
-            );
+            assert!(is_woken(card, expected.contains(address)), "card {address} by {wake:?}");
         }
     };
     wakes(Wake::Card(Address(3)), &[3]);
@@ -125,12 +110,10 @@ fn only_the_card_concerned_wakes(bus: &impl Bus) {
 fn both_digital_cards_share_one_line(bus: &impl Bus) {
     let (mut ccu, _answers) = bus.ccu().unwrap();
     let (_answers_of_it, mut digital) = bus.card(Address::DIGITAL_INPUT).unwrap();
-    ccu.send(&frame(0), Wake::Card(Address::DIGITAL_OUTPUT))
-        .unwrap();
+    ccu.send(&frame(0), Wake::Card(Address::DIGITAL_OUTPUT)).unwrap();
     assert!(is_woken(&mut digital, true));
     assert!(is_woken(&mut digital, false), "waiting lowers the line");
-    ccu.send(&frame(1), Wake::Card(Address::DIGITAL_INPUT))
-        .unwrap();
+    ccu.send(&frame(1), Wake::Card(Address::DIGITAL_INPUT)).unwrap();
     assert!(is_woken(&mut digital, true));
 }
 
@@ -191,11 +174,7 @@ fn a_slow_reader_loses_frames_and_blocks_nobody(bus: &impl Bus) {
     assert_eq!(drained(&mut tap).len(), BUFFER_FRAMES);
 
     ccu.send(&frame(3 * buffer), Wake::Everyone).unwrap();
-    assert_eq!(
-        numbers(&mut slow),
-        [3 * buffer],
-        "a reader that has caught up hears again"
-    );
+    assert_eq!(numbers(&mut slow), [3 * buffer], "a reader that has caught up hears again");
     assert_eq!(drained(&mut tap), [(Lane::Commands, 3 * buffer)]);
 }
 
@@ -265,10 +244,7 @@ fn a_port_hears_nothing_from_before_its_time(bus: &impl Bus) {
     let mut tap = bus.tap().unwrap();
     let (_answers_of_late, mut late) = bus.card(Address(6)).unwrap();
     assert!(numbers(&mut late).is_empty() && drained(&mut tap).is_empty());
-    assert_eq!(
-        (numbers(&mut commands), numbers(&mut answers)),
-        (vec![1], vec![2])
-    );
+    assert_eq!((numbers(&mut commands), numbers(&mut answers)), (vec![1], vec![2]));
 }
 
 fn a_frame_of_any_permitted_length_passes_and_a_longer_one_is_refused(bus: &impl Bus) {
@@ -279,28 +255,16 @@ fn a_frame_of_any_permitted_length_passes_and_a_longer_one_is_refused(bus: &impl
         ccu.send(&bytes, Wake::Nobody).unwrap();
         assert_eq!(card.receive().unwrap(), Some(bytes));
     }
-    let error = ccu
-        .send(&[0; MAX_FRAME_BYTES + 1], Wake::Everyone)
-        .unwrap_err();
+    let error = ccu.send(&[0; MAX_FRAME_BYTES + 1], Wake::Everyone).unwrap_err();
     assert!(matches!(error, BusError::TooLong { bytes: 129 }));
-    assert_eq!(
-        error.to_string(),
-        "129 bytes are too many for a frame (at most 128)"
-    );
+    assert_eq!(error.to_string(), "129 bytes are too many for a frame (at most 128)");
     assert_eq!(card.receive().unwrap(), None);
 }
 
 fn a_port_needs_the_address_of_one_card(bus: &impl Bus) {
     for (address, name) in [(0, "everyone"), (10, "address 10"), (255, "address 255")] {
-        let error = bus
-            .card(Address(address))
-            .err()
-            .expect("no such card")
-            .to_string();
-        assert_eq!(
-            error,
-            format!("cannot make a card's port: {name} is not one card; cards are 1 to 9")
-        );
+        let error = bus.card(Address(address)).err().expect("no such card").to_string();
+        assert_eq!(error, format!("cannot make a card's port: {name} is not one card; cards are 1 to 9"));
     }
     assert!(bus.card(Address(9)).is_ok());
 }
@@ -310,18 +274,12 @@ fn frame(number: u32) -> [u8; 4] {
 }
 
 fn number(frame: &[u8]) -> u32 {
-    u32::from_le_bytes(
-        frame
-            .try_into()
-            .expect("a frame of these tests has four bytes"),
-    )
+    u32::from_le_bytes(frame.try_into().expect("a frame of these tests has four bytes"))
 }
 
 /// Everything that is here now.
 fn numbers(port: &mut impl Receive) -> Vec<u32> {
-    std::iter::from_fn(|| port.receive().unwrap())
-        .map(|frame| number(&frame))
-        .collect()
+    std::iter::from_fn(|| port.receive().unwrap()).map(|frame| number(&frame)).collect()
 }
 
 /// The next frame, slept for if need be.
@@ -350,9 +308,7 @@ fn polled(port: &mut impl Receive) -> u32 {
 
 fn drained(tap: &mut impl Tap) -> Vec<(Lane, u32)> {
     let mut seen = Vec::new();
-    let count = tap
-        .drain(&mut |lane, frame| seen.push((lane, number(frame))))
-        .unwrap();
+    let count = tap.drain(&mut |lane, frame| seen.push((lane, number(frame)))).unwrap();
     assert_eq!(count, seen.len());
     seen
 }
