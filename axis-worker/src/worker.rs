@@ -1,14 +1,16 @@
 //! The worker process: a card, its port on the bus, and real time. A thin shell: it gives the card ticks and frames,
 //! puts its answers on the bus, and sleeps until the card's next event or the next frame.
 //!
-//! Its standard input is its lifeline: a pipe whose other end only the CCU holds. End of file means that the CCU is
-//! gone, however it went; the card then brakes, says that it leaves, and the process ends.
+//! Its standard input is its lifeline: a pipe whose other end only the CCU holds. A byte on it asks the card to say that it
+//! leaves, and to stay silent from then on. End of file ends the process. If it comes unasked, the CCU is gone, however it
+//! went: the card brakes, says that it leaves, and gives the recorder a moment to read that.
 
 use std::io::{self, Read};
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicU8, Ordering};
 use std::thread;
+use std::time::Duration;
 
 use clap::Args;
 use supersigma_config::{Config, ConfigError, RampError};
@@ -40,6 +42,15 @@ pub struct WorkerArgs {
     #[arg(long, value_name = "K", default_value_t = TimeScale::REAL)]
     pub time_scale: TimeScale,
 }
+
+/// What a sender has sent is gone with its port, so the port outlives the last frame by this. The recorder looks several
+/// times in it.
+const GRACE: Duration = Duration::from_millis(200);
+
+/// The states of a lifeline.
+const HELD: u8 = 0;
+const ASKED_TO_LEAVE: u8 = 1;
+const ENDED: u8 = 2;
 
 /// Why a worker could not work.
 #[derive(Debug, thiserror::Error)]
@@ -74,27 +85,29 @@ pub fn run(args: &WorkerArgs) -> Result<(), WorkerError> {
     let clock = Clock::new(Monotonic::from_nanos(args.epoch), args.time_scale);
     let bus = SharedBus::join(&Place::new(&args.runtime)?)?;
     let (transmit, receive) = bus.card(card.address())?;
-    let ccu_gone = watch_lifeline(receive.waker())?;
-    let heartbeat = std::time::Duration::from_millis(config.supervision.heartbeat_ms.into());
+    let lifeline = watch_lifeline(receive.waker())?;
+    let heartbeat = Duration::from_millis(config.supervision.heartbeat_ms.into());
     let heartbeat = clock.scale().ticks(heartbeat);
     let worker =
         Worker { card, clock, transmit, receive, heartbeat, sequence: Sequence(0), said: Vec::new() };
-    worker.work(&ccu_gone)
+    worker.work(&lifeline)
 }
 
-/// Sets the flag and raises the port's own line when standard input ends.
-fn watch_lifeline(waker: Waker) -> Result<Arc<AtomicBool>, WorkerError> {
-    let gone = Arc::new(AtomicBool::new(false));
-    let flag = Arc::clone(&gone);
+/// Keeps the state of the lifeline, and raises the port's own line when it changes.
+fn watch_lifeline(waker: Waker) -> Result<Arc<AtomicU8>, WorkerError> {
+    let state = Arc::new(AtomicU8::new(HELD));
+    let kept = Arc::clone(&state);
     let watch = move || {
-        // Nobody writes to the lifeline; whatever comes is not for us.
         let mut buffer = [0; 64];
-        while matches!(io::stdin().read(&mut buffer), Ok(1..)) {}
-        flag.store(true, Ordering::Release);
+        while matches!(io::stdin().read(&mut buffer), Ok(1..)) {
+            kept.store(ASKED_TO_LEAVE, Ordering::Release);
+            waker.wake();
+        }
+        kept.store(ENDED, Ordering::Release);
         waker.wake();
     };
     thread::Builder::new().name("lifeline".into()).spawn(watch).map_err(WorkerError::Lifeline)?;
-    Ok(gone)
+    Ok(state)
 }
 
 struct Worker<T, R> {
@@ -109,24 +122,20 @@ struct Worker<T, R> {
 }
 
 impl<T: Transmit, R: Receive> Worker<T, R> {
-    fn work(mut self, ccu_gone: &AtomicBool) -> Result<(), WorkerError> {
+    fn work(mut self, lifeline: &AtomicU8) -> Result<(), WorkerError> {
         self.card.advance(self.clock.now(), &mut self.said);
         self.speak(Occasion::Joined)?;
         let mut heartbeat = self.clock.now() + self.heartbeat;
-        let mut leaving = false;
         loop {
             // Read before the bus: a command that came before the end is then still carried out.
-            let gone = ccu_gone.load(Ordering::Acquire);
+            let lifeline = lifeline.load(Ordering::Acquire);
             self.catch_up()?;
-            if gone && !leaving {
-                leaving = true;
-                if self.card.next_event().is_some() {
-                    self.card.emergency(Alarm::CcuLost, &mut self.said);
-                    self.flush()?;
-                }
+            if lifeline == ENDED && self.card.next_event().is_some() {
+                self.card.emergency(Alarm::CcuLost, &mut self.said);
+                self.flush()?;
             }
-            if leaving && self.card.next_event().is_none() {
-                return self.speak(Occasion::Leaving);
+            if lifeline != HELD && self.card.next_event().is_none() {
+                break;
             }
             if self.card.now() >= heartbeat {
                 self.speak(Occasion::Heartbeat)?;
@@ -135,6 +144,18 @@ impl<T: Transmit, R: Receive> Worker<T, R> {
             let next = self.card.next_event().map_or(heartbeat, |event| event.min(heartbeat));
             self.receive.wait(self.clock.until(next))?;
         }
+        self.leave(lifeline)
+    }
+
+    fn leave(mut self, lifeline: &AtomicU8) -> Result<(), WorkerError> {
+        self.speak(Occasion::Leaving)?;
+        if lifeline.load(Ordering::Acquire) == ENDED {
+            thread::sleep(GRACE);
+        }
+        while lifeline.load(Ordering::Acquire) != ENDED {
+            self.receive.wait(Duration::from_secs(1))?;
+        }
+        Ok(())
     }
 
     /// Brings the card to the present and lets it hear what is on the bus.

@@ -1,5 +1,11 @@
 //! The central control unit of a SUPERSIGMA set: the daemon that broadcasts on the MICROBUS, and the command line.
 
+pub mod cli;
+pub mod control;
+pub mod daemon;
+pub mod dry;
 pub mod executive;
 pub mod home;
 pub mod log;
+pub mod profile;
+pub mod script;

@@ -1,3 +1,5 @@
 //! The `ccu` command.
 
-fn main() {}
+fn main() -> std::process::ExitCode {
+    ccu::cli::main()
+}

@@ -88,6 +88,11 @@ impl<L: Link> Executive<L> {
         &mut self.link
     }
 
+    /// Its link, back.
+    pub fn into_link(self) -> L {
+        self.link
+    }
+
     fn movement(
         &mut self,
         axis: AxisNumber,

@@ -319,6 +319,12 @@ pub enum Failure {
         /// What it said.
         reason: String,
     },
+    /// The pulses of a dry run could not be written.
+    #[error("cannot write the pulses: {reason}")]
+    Pulses {
+        /// What the system said.
+        reason: String,
+    },
     /// Nobody at the other end of the control socket.
     #[error("no set named {name:?} is up")]
     #[diagnostic(help("start one with `ccu up --name {name}`"))]

@@ -32,7 +32,7 @@ const HOLD_BACK: Duration = Duration::from_millis(20);
 const POLL: Duration = Duration::from_millis(10);
 
 /// What a log holds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 pub struct LogSummary {
     /// Everything that was on the bus.
     pub frames: u64,

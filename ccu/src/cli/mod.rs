@@ -1,0 +1,211 @@
+//! The command line: what can be typed, and which room does it. Arguments and help texts stand here, in one place, for
+//! help, usage errors and completions alike; what commands print is in `show`.
+
+mod ask;
+mod config;
+mod exit;
+mod profile;
+mod run;
+mod set;
+mod show;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use axis_worker::clock::TimeScale;
+use axis_worker::worker::{self, WorkerArgs};
+use clap::{Args, Parser, Subcommand};
+use miette::IntoDiagnostic;
+
+use self::exit::Exit;
+use crate::daemon::recorder::{self, RecorderArgs};
+use crate::home::SetName;
+
+/// The central control unit of a SUPERSIGMA robot: seven stepping motors, one command
+#[derive(Parser)]
+#[command(
+    name = "ccu",
+    version,
+    max_term_width = 100,
+    after_help = "\
+Examples:
+  ccu run examples/assembly.rhai      start a set, run a program, take the set down
+  ccu up --detach                     start a set that stays up
+  ccu origin                          find the origin of all axes
+  ccu move left_x 1200                1200 steps away from the origin
+  ccu status                          what every axis is doing
+  ccu down                            take the set down
+
+Axes are named by number (1 to 7) or by their configured name.
+Exit codes: 0 done, 1 the robot could not, 2 wrongly asked, 3 no set is up or its bus is gone."
+)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Start a set and keep it up
+    #[command(after_help = "\
+Examples:
+  ccu up                              in the foreground; Ctrl-C takes it down
+  ccu up --detach                     in the background; `ccu down` takes it down
+  ccu up --name cell-2 --config cell-2.toml --log cell-2.mcap")]
+    Up(set::UpArgs),
+    /// Take a set down: axes stand, the log is finished, nothing is left
+    Down(set::DownArgs),
+    /// Run a program, on a set that is up or on one of its own
+    #[command(after_help = "\
+Examples:
+  ccu run examples/assembly.rhai
+  ccu run -e 'origin(\"wrist\"); move_by(\"wrist\", 400)'
+  ccu run --dry-run --pulses pulses.csv examples/assembly.rhai
+  echo 'print(position(1))' | ccu run -")]
+    Run(run::RunArgs),
+    /// Move one axis by so many steps
+    #[command(
+        allow_negative_numbers = true,
+        after_help = "\
+Examples:
+  ccu move left_x 1200                away from the origin
+  ccu move 1 -1200 --speed 4000       towards it, at most 4000 steps/s
+  ccu move wrist 400 --constant --speed 650"
+    )]
+    Move(ask::MoveArgs),
+    /// Move several axes on a straight line: they start together and end together
+    #[command(after_help = "\
+Examples:
+  ccu line left_x=7919 left_y=-13
+  ccu line 1=400 2=300 3=-100 --speed 5000")]
+    Line(ask::LineArgs),
+    /// Find the origin of axes: back to the limit switch, forward until it opens
+    #[command(after_help = "Examples:\n  ccu origin\n  ccu origin left_x left_y")]
+    Origin(ask::OriginArgs),
+    /// Find the reference step of an axis
+    Reference(ask::ReferenceArgs),
+    /// Stop axes with the normal ramp; positions are kept
+    Halt(ask::AxesArgs),
+    /// Stop axes with the steep ramp and lock them; positions are kept
+    Brake(ask::AxesArgs),
+    /// Acknowledge alarms, so that axes may move again
+    Clear(ask::AxesArgs),
+    /// What the axes are doing
+    #[command(after_help = "Examples:\n  ccu status\n  ccu status left_x --json\n  ccu status --watch")]
+    Status(ask::StatusArgs),
+    /// Show the digital inputs, or one of them
+    Input(ask::InputArgs),
+    /// Show the digital outputs, or switch one
+    #[command(after_help = "Examples:\n  ccu output\n  ccu output left_gripper on\n  ccu output 3 off")]
+    Output(ask::OutputArgs),
+    /// Put raw command bytes on the MICROBUS and show the answers
+    #[command(after_help = "\
+Examples:
+  ccu send 01 05                      status of axis 1
+  ccu send 01 81 01 90                axis 1, 400 steps towards the origin
+  ccu send 00 06                      halt everyone")]
+    Send(ask::SendArgs),
+    /// Show the frames of a log
+    #[command(after_help = "Examples:\n  ccu frames run.mcap\n  ccu frames run.mcap --axis left_x --json")]
+    Frames(FramesArgs),
+    /// The ramp table of an axis, or the pulses of one movement
+    #[command(after_help = "\
+Examples:
+  ccu profile                         the ramp table of axis 1
+  ccu profile --steps 5184            a movement, planned and run on the machine
+  ccu profile --steps 200 --method paper --json --pulses")]
+    Profile(profile::ProfileArgs),
+    /// Check, show and describe configurations
+    #[command(subcommand)]
+    Config(config::ConfigCommand),
+    /// One card's process; the daemon starts them
+    #[command(hide = true)]
+    AxisWorker(WorkerArgs),
+    /// The recorder's process; the daemon starts it
+    #[command(hide = true)]
+    Recorder(RecorderArgs),
+}
+
+/// Which set.
+#[derive(Args, Clone)]
+struct SetArgs {
+    /// The set's name
+    #[arg(long, value_name = "NAME", env = "CCU_NAME", default_value = "supersigma")]
+    name: SetName,
+}
+
+/// How a set is started.
+#[derive(Args, Clone)]
+struct StartArgs {
+    /// The set's configuration; the built-in set if none is named
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// The log; must not exist yet [default: a new file in ~/.local/state/supersigma]
+    #[arg(long, value_name = "FILE")]
+    log: Option<PathBuf>,
+    /// How many times faster than real time
+    #[arg(long, value_name = "K", default_value_t = TimeScale::REAL)]
+    time_scale: TimeScale,
+}
+
+#[derive(Args)]
+struct FramesArgs {
+    /// The log
+    log: PathBuf,
+    /// Only frames of, or to, this axis
+    #[arg(long)]
+    axis: Option<String>,
+    /// One JSON object a frame
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command that was typed.
+#[must_use]
+pub fn main() -> ExitCode {
+    axis_worker::start_logging();
+    match Cli::parse().command.run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(exit) => exit.report(),
+    }
+}
+
+impl Command {
+    fn run(self) -> Result<(), Exit> {
+        match self {
+            Self::Up(args) => set::up(&args),
+            Self::Down(args) => set::down(&args),
+            Self::Run(args) => run::run(&args),
+            Self::Move(args) => ask::movement(&args),
+            Self::Line(args) => ask::line(&args),
+            Self::Origin(args) => ask::origin(&args),
+            Self::Reference(args) => ask::reference(&args),
+            Self::Halt(args) => ask::halt(&args),
+            Self::Brake(args) => ask::brake(&args),
+            Self::Clear(args) => ask::clear(&args),
+            Self::Status(args) => ask::status(&args),
+            Self::Input(args) => ask::input(&args),
+            Self::Output(args) => ask::output(&args),
+            Self::Send(args) => ask::send(&args),
+            Self::Frames(args) => frames(&args),
+            Self::Profile(args) => profile::profile(&args),
+            Self::Config(command) => config::config(&command),
+            Self::AxisWorker(args) => worker::run(&args).into_diagnostic().map_err(Exit::could_not),
+            Self::Recorder(args) => recorder::record(&args).map_err(Exit::could_not),
+        }
+    }
+}
+
+fn frames(args: &FramesArgs) -> Result<(), Exit> {
+    let mut out = std::io::BufWriter::new(std::io::stdout().lock());
+    let counts = crate::log::frames(&args.log, args.axis.as_deref(), args.json, &mut out)
+        .into_diagnostic()
+        .map_err(Exit::wrong)?;
+    if counts.truncated {
+        eprintln!(
+            "the log ends in the middle of a record; the {} frames before that are shown",
+            counts.printed
+        );
+    }
+    Ok(())
+}

@@ -1,0 +1,149 @@
+//! `ccu profile`: the ramp table, or one movement as the machine makes it.
+
+use std::io::{self, BufWriter, Write};
+use std::path::PathBuf;
+
+use axis_worker::ramp::Table;
+use clap::{Args, ValueEnum};
+use miette::miette;
+use supersigma_config::ShortMoves;
+use supersigma_protocol::{Distance, SpeedIndex};
+
+use super::exit::Exit;
+use super::{config, show};
+use crate::profile::{Profile, Wanted, profile as make};
+
+#[derive(Args)]
+pub(super) struct ProfileArgs {
+    /// The configuration; the built-in set if none is named
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// The axis, by number or name
+    #[arg(long, default_value = "1")]
+    axis: String,
+    /// A movement of so many steps, 1 to 65535
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    steps: Option<u16>,
+    /// Its ceiling in steps/s; with --constant, its speed
+    #[arg(long, value_name = "V", requires = "steps")]
+    speed: Option<f64>,
+    /// At one speed, without a ramp
+    #[arg(long, requires = "steps")]
+    constant: bool,
+    /// How it is made; as configured if not given
+    #[arg(long, requires = "steps")]
+    method: Option<Way>,
+    /// With the tick of every pulse
+    #[arg(long, requires = "steps")]
+    pulses: bool,
+    /// One JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Way {
+    /// Up the curve and back down it
+    Optimal,
+    /// As in 1980
+    Paper,
+}
+
+pub(super) fn profile(args: &ProfileArgs) -> Result<(), Exit> {
+    let config = config::load(args.config.as_deref())?;
+    let Some(axis) = config.find_axis(&args.axis) else {
+        let names: Vec<_> = config.axes.iter().map(|axis| axis.name.as_str()).collect();
+        return Err(Exit::wrong(miette!("there is no axis {:?}; there are {}", args.axis, names.join(", "))));
+    };
+    let mut ramp = config.ramp_of(axis).clone();
+    match args.method {
+        Some(Way::Optimal) => ramp.short_moves = ShortMoves::Optimal,
+        Some(Way::Paper) => ramp.short_moves = ShortMoves::Paper,
+        None => {}
+    }
+    let table = Table::new(&ramp).map_err(|error| Exit::wrong(miette!("{error}")))?;
+    let mut out = BufWriter::new(io::stdout().lock());
+    let Some(distance) = args.steps.and_then(Distance::new) else {
+        print_table(&table, args.json, &mut out)?;
+        return Ok(out.flush()?);
+    };
+    let speed = args.speed.map(|speed| index(&table, speed)).transpose()?;
+    let wanted = Wanted { distance, speed, constant: args.constant };
+    let mut profile = make(axis, &ramp, wanted).map_err(|error| Exit::wrong(miette!("{error}")))?;
+    if args.json {
+        if !args.pulses {
+            profile.pulses = None;
+        }
+        show::print_json(&profile, &mut out)?;
+    } else {
+        print_profile(&profile, args.pulses, &mut out)?;
+    }
+    Ok(out.flush()?)
+}
+
+fn index(table: &Table, speed: f64) -> Result<SpeedIndex, Exit> {
+    let (slowest, fastest) = (table.speed(SpeedIndex::START), table.speed(SpeedIndex::TOP));
+    if (slowest - 0.5..=fastest + 0.5).contains(&speed) {
+        Ok(table.index_at_most(speed))
+    } else {
+        Err(Exit::wrong(miette!("{speed} steps/s is outside the ramp, {slowest:.1} to {fastest:.1}")))
+    }
+}
+
+fn print_table(table: &Table, json: bool, out: &mut dyn Write) -> io::Result<()> {
+    let entries = (0..=SpeedIndex::TOP.get()).filter_map(SpeedIndex::new);
+    let difference = |index: SpeedIndex| table.differences().get(usize::from(index.get())).copied();
+    if json {
+        let entries: Vec<_> = entries
+            .map(|index| {
+                serde_json::json!({
+                    "index": index.get(),
+                    "n": table.period(index) - 1,
+                    "count": table.period(index),
+                    "steps_per_second": table.speed(index),
+                    "difference": difference(index),
+                })
+            })
+            .collect();
+        let interval = table.interval().0;
+        return show::print_json(&serde_json::json!({ "interval_ticks": interval, "entries": entries }), out);
+    }
+    writeln!(out, "{:>5} {:>7} {:>6} {:>6} {:>9} {:>6}", "index", "ms", "N", "count", "steps/s", "diff")?;
+    for index in entries {
+        let at = table.interval().as_seconds() * 1e3 * f64::from(index.get());
+        let difference = difference(index).map_or_else(|| "-".into(), |difference| difference.to_string());
+        let (count, speed) = (table.period(index), table.speed(index));
+        writeln!(
+            out,
+            "{:>5} {at:>7.2} {:>6} {count:>6} {speed:>9.1} {difference:>6}",
+            index.get(),
+            count - 1
+        )?;
+    }
+    Ok(())
+}
+
+fn print_profile(profile: &Profile, pulses: bool, out: &mut dyn Write) -> io::Result<()> {
+    let method = match profile.method {
+        crate::profile::Method::Optimal => "optimal",
+        crate::profile::Method::Paper => "paper",
+        crate::profile::Method::Constant => "constant speed",
+    };
+    writeln!(out, "{} steps, {method}", profile.steps)?;
+    writeln!(out, "duration      {:>10.6} s", profile.duration_ticks.as_seconds())?;
+    writeln!(out, "peak speed    {:>10.1} steps/s", profile.peak_speed)?;
+    writeln!(out, "accelerates   {:>10} steps", profile.accel_steps)?;
+    writeln!(out, "decelerates   {:>10} steps before the end", profile.steps - profile.decel_at)?;
+    writeln!(out, "loads         {:>10} counts written to counter 0", profile.loads.len())?;
+    writeln!(out, "\n{:>12} {:>6}", "load at ms", "count")?;
+    for load in &profile.loads {
+        writeln!(out, "{:>12.4} {:>6}", load.tick.as_seconds() * 1e3, load.count)?;
+    }
+    if let Some(ticks) = profile.pulses.as_ref().filter(|_| pulses) {
+        writeln!(out, "\n{:>12}", "pulse at ms")?;
+        for tick in ticks {
+            writeln!(out, "{:>12.4}", tick.as_seconds() * 1e3)?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,181 @@
+//! `ccu up` and `ccu down`.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, BufRead, BufReader, Write};
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+
+use clap::Args;
+use miette::{IntoDiagnostic, miette};
+use tokio::signal::unix::{SignalKind, signal};
+
+use super::exit::Exit;
+use super::{SetArgs, StartArgs, config, show};
+use crate::control::{Client, DownReport};
+use crate::daemon::{Daemon, Options, StartError};
+use crate::home::{Home, HomeError, SetName, default_log};
+
+/// What a detached daemon prints when it is up.
+const READY: &str = "ready";
+
+#[derive(Args)]
+pub(super) struct UpArgs {
+    #[command(flatten)]
+    set: SetArgs,
+    #[command(flatten)]
+    start: StartArgs,
+    /// Return when the set is up, and leave it running
+    #[arg(long)]
+    detach: bool,
+    /// The other side of --detach
+    #[arg(long, hide = true, conflicts_with = "detach")]
+    detached: bool,
+}
+
+#[derive(Args)]
+pub(super) struct DownArgs {
+    #[command(flatten)]
+    set: SetArgs,
+}
+
+impl From<StartError> for Exit {
+    fn from(error: StartError) -> Self {
+        let code = match &error {
+            StartError::LogExists(_) | StartError::Ramp(_) => 2,
+            _ => 1,
+        };
+        Self::with_code(code, error)
+    }
+}
+
+impl From<HomeError> for Exit {
+    fn from(error: HomeError) -> Self {
+        Self::with_code(1, error)
+    }
+}
+
+/// The log that is named, or a new one where logs go.
+pub(super) fn log_path(named: Option<&PathBuf>, name: &SetName) -> Result<PathBuf, Exit> {
+    match named {
+        Some(path) => Ok(path.clone()),
+        None => Ok(default_log(name, jiff::Timestamp::now())?),
+    }
+}
+
+/// The runtime in which a daemon lives.
+pub(super) fn runtime() -> io::Result<tokio::runtime::Runtime> {
+    tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build()
+}
+
+pub(super) fn up(args: &UpArgs) -> Result<(), Exit> {
+    let home = Home::of(args.set.name.clone())?;
+    if args.detach {
+        return detach(&home);
+    }
+    if args.detached {
+        rustix::process::setsid().into_diagnostic().map_err(Exit::could_not)?;
+    }
+    let config = config::load(args.start.config.as_deref())?;
+    let log = log_path(args.start.log.as_ref(), &args.set.name)?;
+    let options = Options { home, config, scale: args.start.time_scale, log, script: None };
+    runtime()?.block_on(async {
+        // Before anything is started: a signal that comes early must take down what is there by then.
+        let asked_to_end = asked_to_end()?;
+        let daemon = Daemon::start(options)?;
+        let mut out = io::stdout();
+        if args.detached {
+            writeln!(out, "{READY}")?;
+        } else {
+            let (name, workers) = (daemon.home().name(), daemon.workers());
+            writeln!(out, "set {name} is up: {workers} cards; log {}", daemon.log().display())?;
+            writeln!(out, "Ctrl-C, or `ccu down --name {name}`, takes it down")?;
+        }
+        out.flush()?;
+        tokio::select! {
+            () = asked_to_end => {}
+            () = daemon.wanted_down() => {}
+        }
+        let report = daemon.stop().await;
+        if !args.detached {
+            down_line(&report, &mut io::stdout())?;
+        }
+        Ok(())
+    })
+}
+
+/// What resolves when the process is asked to end by a signal.
+pub(super) fn asked_to_end() -> Result<impl Future<Output = ()>, Exit> {
+    let listen = |kind| signal(kind).into_diagnostic().map_err(Exit::could_not);
+    let (mut interrupt, mut terminate) = (listen(SignalKind::interrupt())?, listen(SignalKind::terminate())?);
+    let mut hangup = listen(SignalKind::hangup())?;
+    Ok(async move {
+        tokio::select! {
+            _ = interrupt.recv() => {}
+            _ = terminate.recv() => {}
+            _ = hangup.recv() => {}
+        }
+    })
+}
+
+/// Starts the same command in a session of its own, and returns when that is up, or says why it is not.
+fn detach(home: &Home) -> Result<(), Exit> {
+    let messages = home.messages();
+    let file = private_file(&messages)?;
+    let arguments = std::env::args_os()
+        .skip(1)
+        .map(|argument| if argument == "--detach" { "--detached".into() } else { argument });
+    let mut child = Command::new(std::env::current_exe()?)
+        .args(arguments)
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(file)
+        .spawn()?;
+    let mut line = String::new();
+    if let Some(out) = child.stdout.take() {
+        BufReader::new(out).read_line(&mut line)?;
+    }
+    if line.trim_end() != READY {
+        let status = child.wait()?;
+        let said = fs::read_to_string(&messages).unwrap_or_default();
+        let _ = fs::remove_file(&messages);
+        eprint!("{said}");
+        let code = status.code().and_then(|code| u8::try_from(code).ok()).unwrap_or(1);
+        return Err(Exit::silent(code));
+    }
+    let description = Client::connect(home)?.describe()?;
+    println!("set {} is up: process {}; log {}", home.name(), child.id(), description.log.display());
+    println!("what it has to say goes to {}", messages.display());
+    Ok(())
+}
+
+fn private_file(path: &std::path::Path) -> Result<File, Exit> {
+    OpenOptions::new()
+        .create(true)
+        .write(true)
+        .truncate(true)
+        .mode(0o600)
+        .open(path)
+        .map_err(|error| Exit::could_not(miette!("cannot write {}: {error}", path.display())))
+}
+
+pub(super) fn down(args: &DownArgs) -> Result<(), Exit> {
+    let home = Home::of(args.set.name.clone())?;
+    let report = Client::connect(&home)?.down()?;
+    println!("set {} is down", home.name());
+    down_line(&report, &mut io::stdout())?;
+    // Empty, unless something went wrong; then it is kept.
+    let messages = home.messages();
+    if fs::metadata(&messages).is_ok_and(|file| file.len() == 0) {
+        fs::remove_file(&messages)?;
+    }
+    Ok(())
+}
+
+/// What a set leaves: its log.
+pub(super) fn down_line(report: &DownReport, out: &mut dyn Write) -> io::Result<()> {
+    let logged = report.logged.map_or_else(|| "unknown".to_owned(), |logged| logged.to_string());
+    let size = report.bytes.map(|bytes| format!(" ({})", show::size(bytes))).unwrap_or_default();
+    writeln!(out, "frames: {} sent, {logged} logged", report.sent)?;
+    writeln!(out, "log:    {}{size}", report.log.display())
+}

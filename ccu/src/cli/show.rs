@@ -1,0 +1,168 @@
+//! What commands print: aligned, with units, for people; JSON with stable keys for programs. Nothing is decided here.
+
+use std::io::{self, IsTerminal, Write};
+
+use serde::Serialize;
+use supersigma_config::Config;
+use supersigma_protocol::AxisReport;
+
+use crate::executive::{AxisState, Knowledge, Movement, MovementKind};
+
+/// A movement, for programs.
+#[derive(Debug, Serialize)]
+pub(super) struct MovementView<'a> {
+    axis: u8,
+    name: &'a str,
+    kind: MovementKind,
+    asked: Option<i64>,
+    done: u32,
+    sense: String,
+    ticks: u64,
+    seconds: f64,
+    position: Option<i32>,
+}
+
+impl<'a> MovementView<'a> {
+    pub(super) fn new(movement: &Movement, knowledge: &'a Knowledge) -> Self {
+        Self {
+            axis: movement.axis.get(),
+            name: knowledge.name(movement.axis),
+            kind: movement.kind,
+            asked: movement.asked.map(|asked| asked.0),
+            done: movement.done.0,
+            sense: movement.sense.to_string(),
+            ticks: movement.took.0,
+            seconds: movement.took.as_seconds(),
+            position: movement.position.map(|position| position.0),
+        }
+    }
+}
+
+/// The titles over [`movement_line`].
+pub(super) fn movement_title() -> String {
+    format!(
+        "{:<12} {:<9} {:>8} {:>8}  {:<6} {:>9}  {:>9}",
+        "axis", "movement", "asked", "done", "X1..X5", "seconds", "position"
+    )
+}
+
+/// A movement in a line.
+pub(super) fn movement_line(movement: &Movement, knowledge: &Knowledge) -> String {
+    let asked = movement.asked.map_or_else(|| "-".into(), |asked| format!("{:+}", asked.0));
+    let position = movement.position.map_or_else(|| "unknown".into(), |position| position.to_string());
+    format!(
+        "{:<12} {:<9} {:>8} {:>8}  {:<6} {:>9.3}  {:>9}",
+        knowledge.name(movement.axis),
+        movement.kind,
+        asked,
+        movement.done.0,
+        movement.sense,
+        movement.took.as_seconds(),
+        position
+    )
+}
+
+/// An axis' state, for programs.
+#[derive(Debug, Serialize)]
+pub(super) struct AxisView<'a> {
+    axis: u8,
+    name: &'a str,
+    alive: bool,
+    activity: Option<supersigma_protocol::Activity>,
+    /// X1..X5 as digits, X1 first.
+    sense: Option<String>,
+    steps: Option<u32>,
+    position: Option<i32>,
+    alarm: Option<AlarmView>,
+}
+
+#[derive(Debug, Serialize)]
+struct AlarmView {
+    cause: supersigma_protocol::Alarm,
+    message: String,
+}
+
+impl<'a> AxisView<'a> {
+    pub(super) fn new(state: &AxisState, config: &'a Config) -> Self {
+        let report = state.report.as_ref();
+        Self {
+            axis: state.axis.get(),
+            name: config.axis(state.axis).map_or("?", |axis| &axis.name),
+            alive: report.is_some(),
+            activity: report.map(|report| report.activity),
+            sense: report.map(|report| report.sense.to_string()),
+            steps: report.map(|report| report.steps.0),
+            position: report.and_then(|report| report.position).map(|position| position.0),
+            alarm: report
+                .and_then(|report| report.alarm)
+                .map(|cause| AlarmView { cause, message: cause.to_string() }),
+        }
+    }
+}
+
+/// The axes as a table.
+pub(super) fn axes(states: &[AxisState], config: &Config, out: &mut dyn Write) -> io::Result<()> {
+    writeln!(
+        out,
+        "{:>4} {:<12} {:<17} {:<6} {:>8} {:>9}  alarm",
+        "axis", "name", "state", "X1..X5", "steps", "position"
+    )?;
+    for state in states {
+        let name = config.axis(state.axis).map_or("?", |axis| &axis.name);
+        match state.report {
+            Some(AxisReport { sense, steps, position, activity, alarm }) => {
+                let position = position.map_or_else(|| "unknown".into(), |position| position.to_string());
+                let alarm = alarm.map_or_else(|| "-".into(), |alarm| alarm.to_string());
+                writeln!(
+                    out,
+                    "{:>4} {name:<12} {activity:<17} {sense:<6} {:>8} {position:>9}  {alarm}",
+                    state.axis.get(),
+                    steps.0
+                )?;
+            }
+            None => writeln!(out, "{:>4} {name:<12} its worker is gone", state.axis.get())?,
+        }
+    }
+    Ok(())
+}
+
+/// Named lines of a digital card.
+pub(super) fn digital<'a>(
+    word: u16,
+    lines: impl Iterator<Item = (u8, &'a str)>,
+    json: bool,
+    out: &mut dyn Write,
+) -> io::Result<()> {
+    let level = |bit: u8| word >> bit & 1 == 1;
+    if json {
+        let lines: serde_json::Map<_, _> =
+            lines.map(|(bit, name)| (name.to_owned(), level(bit).into())).collect();
+        return print_json(&serde_json::json!({ "word": word, "lines": lines }), out);
+    }
+    for (bit, name) in lines {
+        writeln!(out, "{bit:>3} {name:<16} {}", if level(bit) { "on" } else { "off" })?;
+    }
+    Ok(())
+}
+
+/// One JSON object, on a line.
+pub(super) fn print_json(value: &impl Serialize, out: &mut dyn Write) -> io::Result<()> {
+    let text = serde_json::to_string(value)?;
+    writeln!(out, "{text}")
+}
+
+/// A number of bytes for people.
+#[expect(clippy::cast_precision_loss, reason = "for people")]
+pub(super) fn size(bytes: u64) -> String {
+    match bytes {
+        0..1_000 => format!("{bytes} B"),
+        1_000..1_000_000 => format!("{:.1} kB", bytes as f64 / 1e3),
+        1_000_000..1_000_000_000 => format!("{:.1} MB", bytes as f64 / 1e6),
+        _ => format!("{:.1} GB", bytes as f64 / 1e9),
+    }
+}
+
+/// Goes back to the top of a terminal before a picture is drawn anew; elsewhere pictures follow each other.
+pub(super) fn redraw(out: &mut dyn Write) -> io::Result<()> {
+    if io::stdout().is_terminal() { out.write_all(b"\x1b[H\x1b[J") } else { writeln!(out) }
+}

@@ -1,0 +1,167 @@
+//! The control socket's language, and its client. A line of JSON a message: the client sends [`ToDaemon`], the daemon
+//! answers each with one [`FromDaemon`]. What a request means is the executive's business.
+
+use std::io::{self, BufRead, BufReader, Write};
+use std::net::Shutdown;
+use std::os::unix::net::UnixStream;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+use supersigma_protocol::Address;
+
+use crate::executive::{AxisState, Failure, Operate, Outcome, Request};
+use crate::home::Home;
+
+/// From a client to the daemon.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ToDaemon {
+    /// Something for the executive.
+    Do(Request),
+    /// What set are you?
+    Describe,
+    /// Take the set down.
+    Down,
+}
+
+/// From the daemon to a client.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FromDaemon {
+    /// What came of a request.
+    Done(Outcome),
+    /// Why nothing came of it.
+    Failed(Failure),
+    /// The set.
+    Description(Box<Description>),
+    /// The set is down.
+    Down(DownReport),
+}
+
+/// A set, as its daemon sees it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Description {
+    /// Its name.
+    pub name: String,
+    /// The daemon's process.
+    pub pid: u32,
+    /// The effective configuration.
+    pub config: String,
+    /// How many times faster than real time.
+    pub time_scale: f64,
+    /// The log.
+    pub log: PathBuf,
+    /// Seconds of real time since it is up.
+    pub up_s: f64,
+    /// What each axis' card said last.
+    pub axes: Vec<AxisState>,
+    /// Digital cards that somebody plays.
+    pub digital: Vec<Address>,
+    /// Frames on the bus so far.
+    pub frames: u64,
+    /// Frames that were lost.
+    pub lost: u64,
+    /// Whether everything is being recorded.
+    pub recording: bool,
+}
+
+/// The last words about a set.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct DownReport {
+    /// The log.
+    pub log: PathBuf,
+    /// Frames that were sent on the bus, by everybody, as their senders count them.
+    pub sent: u64,
+    /// Frames in the log; `None` if the recorder did not say.
+    pub logged: Option<u64>,
+    /// The log's size in bytes.
+    pub bytes: Option<u64>,
+}
+
+/// A client of a daemon.
+#[derive(Debug)]
+pub struct Client {
+    name: String,
+    stream: BufReader<UnixStream>,
+}
+
+impl Client {
+    /// Connects to the set that lives at `home`.
+    ///
+    /// # Errors
+    /// If nobody listens there.
+    pub fn connect(home: &Home) -> Result<Self, Failure> {
+        let name = home.name().to_string();
+        match UnixStream::connect(home.socket()) {
+            Ok(stream) => Ok(Self { name, stream: BufReader::new(stream) }),
+            Err(error)
+                if matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::ConnectionRefused) =>
+            {
+                Err(Failure::NoSet { name })
+            }
+            Err(error) => Err(Failure::Control { reason: error.to_string() }),
+        }
+    }
+
+    /// What set it is.
+    ///
+    /// # Errors
+    /// If the daemon is gone.
+    pub fn describe(&mut self) -> Result<Description, Failure> {
+        match self.ask(&ToDaemon::Describe)? {
+            FromDaemon::Description(description) => Ok(*description),
+            other => Err(unexpected(&other)),
+        }
+    }
+
+    /// Takes the set down, and returns when it is.
+    ///
+    /// # Errors
+    /// If the daemon is gone.
+    pub fn down(&mut self) -> Result<DownReport, Failure> {
+        match self.ask(&ToDaemon::Down)? {
+            FromDaemon::Down(report) => Ok(report),
+            other => Err(unexpected(&other)),
+        }
+    }
+
+    /// What ends the request under way from another thread: the daemon then halts what it moves.
+    ///
+    /// # Errors
+    /// If the system cannot duplicate the connection.
+    pub fn hang_up(&self) -> io::Result<impl Fn() + Send + Sync + 'static> {
+        let stream = Arc::new(self.stream.get_ref().try_clone()?);
+        Ok(move || {
+            // Half only: the answer, that it was halted, still comes back.
+            let _ = stream.shutdown(Shutdown::Write);
+        })
+    }
+
+    fn ask(&mut self, message: &ToDaemon) -> Result<FromDaemon, Failure> {
+        let gone = |error: &dyn std::fmt::Display| Failure::Control { reason: error.to_string() };
+        let mut line = serde_json::to_string(message).map_err(|error| gone(&error))?;
+        line.push('\n');
+        self.stream.get_mut().write_all(line.as_bytes()).map_err(|error| gone(&error))?;
+        line.clear();
+        match self.stream.read_line(&mut line) {
+            Ok(0) => Err(gone(&format!("the daemon of set {} has hung up", self.name))),
+            Ok(_) => serde_json::from_str(&line).map_err(|error| gone(&error)),
+            Err(error) => Err(gone(&error)),
+        }
+    }
+}
+
+impl Operate for Client {
+    fn operate(&mut self, request: Request) -> Result<Outcome, Failure> {
+        match self.ask(&ToDaemon::Do(request))? {
+            FromDaemon::Done(outcome) => Ok(outcome),
+            FromDaemon::Failed(failure) => Err(failure),
+            other => Err(unexpected(&other)),
+        }
+    }
+}
+
+fn unexpected(message: &FromDaemon) -> Failure {
+    Failure::Control { reason: format!("an answer to something else: {message:?}") }
+}

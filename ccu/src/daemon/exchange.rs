@@ -1,0 +1,362 @@
+//! The CCU's end of the bus: one thread that hears everything, and what it knows of the cards. Whoever waits for something
+//! subscribes; whoever commands goes through the one sending half. No process is started in here.
+
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender as Subscriber};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use axis_worker::clock::Clock;
+use supersigma_protocol::bus::{BusError, Receive, Transmit, Wake, Waker};
+use supersigma_protocol::{
+    About, Address, Answer, Body, Broadcast, CardKind, Command, Frame, Occasion, Operation, Report, Sender,
+    Sequence, Tick, Ticks,
+};
+
+use crate::executive::{Failure, Heard, Knowledge, Link};
+
+/// How often the thread looks for what nobody woke it for: heartbeats.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// What is known of one card's process.
+#[derive(Debug, Clone)]
+pub(super) struct CardLife {
+    /// Whether somebody plays the card.
+    pub(super) alive: bool,
+    /// What it said last.
+    pub(super) report: Report,
+    /// When it was last heard.
+    heard: Instant,
+    /// The number that its next frame must have.
+    expected: Sequence,
+}
+
+/// What the exchange counts.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct Counts {
+    /// Frames that the CCU has sent.
+    pub(super) commands: u64,
+    /// Frames of cards that have come here.
+    pub(super) answers: u64,
+    /// Frames of cards that are missing.
+    pub(super) lost: u64,
+}
+
+/// The bus and what is known of its cards; shared by everybody in the daemon.
+pub(super) struct Exchange {
+    knowledge: Arc<Knowledge>,
+    clock: Clock,
+    port: Mutex<Port>,
+    state: Mutex<State>,
+    over: AtomicBool,
+}
+
+/// The sending half and what wakes the receiving one. Both go when the exchange stops, whoever else still holds it: a bus
+/// can only be removed without a trace when nobody has a port on it.
+struct Port {
+    ends: Option<(Box<dyn Transmit>, Waker)>,
+    sequence: Sequence,
+}
+
+#[derive(Default)]
+struct State {
+    cards: BTreeMap<Address, CardLife>,
+    subscribers: Vec<Subscriber<Heard>>,
+    counts: Counts,
+    no_log: bool,
+    going_down: bool,
+}
+
+impl Exchange {
+    /// Begins to listen.
+    ///
+    /// # Errors
+    /// If the thread cannot be started.
+    pub(super) fn start(
+        knowledge: Arc<Knowledge>,
+        clock: Clock,
+        transmit: impl Transmit + 'static,
+        receive: impl Receive + 'static,
+    ) -> Result<(Arc<Self>, JoinHandle<()>), BusError> {
+        let exchange = Arc::new(Self {
+            knowledge,
+            clock,
+            port: Mutex::new(Port {
+                ends: Some((Box::new(transmit), receive.waker())),
+                sequence: Sequence(0),
+            }),
+            state: Mutex::default(),
+            over: AtomicBool::new(false),
+        });
+        let listening = Arc::clone(&exchange);
+        let thread =
+            thread::Builder::new().name("exchange".into()).spawn(move || listening.listen(receive)).map_err(
+                |error| BusError::Open { what: "start the exchange's thread", reason: error.to_string() },
+            )?;
+        Ok((exchange, thread))
+    }
+
+    /// Ends the thread, after it has taken what is on the bus, and leaves the bus.
+    pub(super) fn stop(&self) {
+        self.over.store(true, Ordering::Release);
+        if let Some((_, waker)) = self.port().ends.take() {
+            waker.wake();
+        }
+    }
+
+    /// A link for one executive. It hears everything from now on, until `cancelled` is set.
+    pub(super) fn link(self: &Arc<Self>, cancelled: Arc<AtomicBool>) -> LiveLink {
+        LiveLink { heard: self.subscribe(), exchange: Arc::clone(self), cancelled }
+    }
+
+    /// Everything that is heard from now on.
+    pub(super) fn subscribe(&self) -> Receiver<Heard> {
+        let (subscriber, heard) = mpsc::channel();
+        let mut state = self.state();
+        if state.going_down {
+            let _ = subscriber.send(Heard::GoingDown);
+        }
+        state.subscribers.push(subscriber);
+        heard
+    }
+
+    /// The set.
+    pub(super) fn knowledge(&self) -> &Arc<Knowledge> {
+        &self.knowledge
+    }
+
+    /// What is known of each card that has joined.
+    pub(super) fn cards(&self) -> BTreeMap<Address, CardLife> {
+        self.state().cards.clone()
+    }
+
+    /// What has been counted so far.
+    pub(super) fn counts(&self) -> Counts {
+        let commands = self.port().sequence.0;
+        Counts { commands, ..self.state().counts }
+    }
+
+    /// Puts a command on the bus.
+    ///
+    /// # Errors
+    /// If the bus fails.
+    pub(super) fn send(&self, broadcast: Broadcast) -> Result<Sequence, BusError> {
+        let wake =
+            broadcast.bytes.as_slice().first().map_or(Wake::Nobody, |address| Wake::Card(Address(*address)));
+        let mut port = self.port();
+        let sequence = port.sequence;
+        let frame =
+            Frame { sender: Sender::Ccu, sequence, tick: self.clock.now(), body: Body::Command(broadcast) };
+        let Some((transmit, _)) = &mut port.ends else {
+            return Err(BusError::Broken { what: "send", reason: "the CCU has left the bus".into() });
+        };
+        transmit.send(&frame.encode(), wake)?;
+        port.sequence = sequence.next();
+        Ok(sequence)
+    }
+
+    /// Stops all axes with the steep ramp, because something is wrong.
+    pub(super) fn brake_all(&self) {
+        if let Err(error) = self.send(Command::new(Address::EVERYONE, Operation::Brake).into()) {
+            tracing::error!(%error, "the brake command could not be sent");
+        }
+    }
+
+    /// The process that played `card` has ended unasked.
+    pub(super) fn worker_gone(&self, card: Address) {
+        {
+            let mut state = self.state();
+            if let Some(life) = state.cards.get_mut(&card) {
+                life.alive = false;
+            }
+            state.tell(Heard::WorkerGone(card));
+        }
+        self.brake_all();
+    }
+
+    /// The recorder has ended unasked.
+    pub(super) fn no_log(&self) {
+        {
+            let mut state = self.state();
+            state.no_log = true;
+            state.tell(Heard::NoLog);
+        }
+        self.brake_all();
+    }
+
+    /// Whether the recorder has ended unasked.
+    pub(super) fn is_without_log(&self) -> bool {
+        self.state().no_log
+    }
+
+    /// Nobody shall begin anything any more.
+    pub(super) fn going_down(&self) {
+        let mut state = self.state();
+        state.going_down = true;
+        state.tell(Heard::GoingDown);
+    }
+
+    fn listen(&self, mut receive: impl Receive) {
+        while !self.over.load(Ordering::Acquire) {
+            if let Err(error) = receive.wait(LOOK).and_then(|()| self.drain(&mut receive)) {
+                tracing::error!(%error, "the CCU does not hear any more");
+                self.going_down();
+                return;
+            }
+            self.look_for_silence();
+        }
+        if let Err(error) = self.drain(&mut receive) {
+            tracing::error!(%error, "the last frames could not be heard");
+        }
+    }
+
+    fn drain(&self, receive: &mut impl Receive) -> Result<(), BusError> {
+        while let Some(bytes) = receive.receive()? {
+            match Frame::decode(&bytes) {
+                Ok(Frame { sender: Sender::Card(card), sequence, body: Body::Answer(answer), .. }) => {
+                    self.take(card, sequence, answer);
+                }
+                Ok(frame) => tracing::warn!(sender = %frame.sender, "a command on the answers' service"),
+                Err(error) => tracing::warn!(%error, "what the bus brought is not a frame"),
+            }
+        }
+        Ok(())
+    }
+
+    fn take(&self, sender: Address, sequence: Sequence, answer: Answer) {
+        let lost = {
+            let mut state = self.state();
+            state.counts.answers += 1;
+            let alive = answer.about != About::Unasked(Occasion::Leaving);
+            let expected = state.cards.get(&sender).map(|life| life.expected);
+            let life =
+                CardLife { alive, report: answer.report, heard: Instant::now(), expected: sequence.next() };
+            state.cards.insert(sender, life);
+            let lost = match expected {
+                Some(expected) if sequence != Sequence(0) => sequence.0.saturating_sub(expected.0),
+                _ => 0,
+            };
+            state.counts.lost += lost;
+            if lost > 0 {
+                state.tell(Heard::FramesLost(sender, lost));
+            }
+            state.tell(Heard::Answer(answer));
+            lost
+        };
+        if lost > 0 {
+            tracing::error!(%sender, lost, "frames were lost on the bus");
+            self.brake_all();
+        }
+    }
+
+    /// A card that has not been heard for too long hangs; the others must not run on.
+    fn look_for_silence(&self) {
+        let limit = Duration::from_millis(self.knowledge.config.supervision.silent_ms.into());
+        let hung: Vec<Address> = {
+            let mut state = self.state();
+            let silent =
+                state.cards.iter_mut().filter(|(_, life)| life.alive && life.heard.elapsed() > limit);
+            silent
+                .map(|(card, life)| {
+                    life.alive = false;
+                    *card
+                })
+                .collect()
+        };
+        for card in hung {
+            tracing::error!(%card, limit_ms = limit.as_millis(), "the card is silent; all axes brake");
+            self.worker_gone(card);
+        }
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        // What is in there is whole after every statement, even if a thread has panicked while it held the lock.
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn port(&self) -> MutexGuard<'_, Port> {
+        self.port.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl State {
+    fn tell(&mut self, heard: Heard) {
+        self.subscribers.retain(|subscriber| subscriber.send(heard).is_ok());
+    }
+}
+
+/// One executive's link to the live set.
+pub(super) struct LiveLink {
+    exchange: Arc<Exchange>,
+    heard: Receiver<Heard>,
+    cancelled: Arc<AtomicBool>,
+}
+
+impl LiveLink {
+    /// Forgets what was heard before a new request.
+    pub(super) fn forget(&self) {
+        while self.heard.try_recv().is_ok_and(|heard| heard != Heard::GoingDown) {}
+    }
+
+    /// Moves need a log and living cards; stopping and asking do not.
+    fn check(&self, broadcast: &Broadcast) -> Result<(), Failure> {
+        let Ok(command) = Command::decode(broadcast.bytes.as_slice()) else {
+            return Ok(());
+        };
+        let state = self.exchange.state();
+        let moves = !matches!(
+            command.operation,
+            Operation::Status | Operation::Halt | Operation::Brake | Operation::Clear | Operation::ReadInputs
+        );
+        if moves && state.going_down {
+            return Err(Failure::GoingDown);
+        }
+        if moves && state.no_log {
+            return Err(Failure::NoLog);
+        }
+        let process = match command.to.kind() {
+            CardKind::DigitalOutput => Address::DIGITAL_INPUT,
+            _ => command.to,
+        };
+        match state.cards.get(&process) {
+            Some(life) if !life.alive => Err(Failure::WorkerGone { card: command.to }),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Link for LiveLink {
+    fn knowledge(&self) -> &Arc<Knowledge> {
+        &self.exchange.knowledge
+    }
+
+    fn now(&self) -> Tick {
+        self.exchange.clock.now()
+    }
+
+    fn ticks(&self, real: Duration) -> Ticks {
+        self.exchange.clock.scale().ticks(real)
+    }
+
+    fn send(&mut self, broadcast: Broadcast) -> Result<Sequence, Failure> {
+        self.check(&broadcast)?;
+        self.exchange.send(broadcast).map_err(|error| Failure::BusGone { reason: error.to_string() })
+    }
+
+    fn hear(&mut self, until: Tick) -> Result<Option<Heard>, Failure> {
+        loop {
+            if self.cancelled.swap(false, Ordering::AcqRel) {
+                return Err(Failure::Cancelled);
+            }
+            let left = self.exchange.clock.until(until);
+            match self.heard.recv_timeout(left.min(LOOK)) {
+                Ok(heard) => return Ok(Some(heard)),
+                Err(RecvTimeoutError::Timeout) if left <= LOOK => return Ok(None),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return Err(Failure::GoingDown),
+            }
+        }
+    }
+}

@@ -1,0 +1,125 @@
+//! The control socket: who connects, may ask. One task a client, one executive a client; requests of one client are
+//! carried out in turn, those of different clients side by side. A client that hangs up while something moves for it
+//! has that halted.
+
+use std::io;
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader};
+use tokio::net::unix::OwnedWriteHalf;
+use tokio::net::{UnixListener, UnixStream};
+use tokio::sync::{Notify, mpsc, watch};
+use tokio::task;
+
+use super::exchange::{Exchange, LiveLink};
+use crate::control::{Description, DownReport, FromDaemon, ToDaemon};
+use crate::executive::{Executive, Operate, Outcome, Request};
+
+/// Of a longer line only so much is read; the rest then makes no sense and is answered so.
+const LONGEST_LINE: u64 = 64 * 1024;
+
+/// What the clients' tasks share.
+pub(super) struct Desk {
+    /// The bus.
+    pub(super) exchange: Arc<Exchange>,
+    /// Tells about the set.
+    pub(super) describe: Box<dyn Fn() -> Description + Send + Sync>,
+    /// Raised when a client wants the set down.
+    pub(super) down: Notify,
+    /// The last words, once they are known.
+    pub(super) report: watch::Sender<Option<DownReport>>,
+}
+
+/// Makes the control socket, for its owner alone.
+///
+/// # Errors
+/// If the socket cannot be made.
+pub(super) fn bind(path: &Path) -> io::Result<UnixListener> {
+    let listener = UnixListener::bind(path)?;
+    std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o600))?;
+    Ok(listener)
+}
+
+/// Serves clients for as long as the listener lives.
+pub(super) async fn serve(listener: UnixListener, desk: Arc<Desk>) {
+    loop {
+        match listener.accept().await {
+            Ok((stream, _)) => {
+                let desk = Arc::clone(&desk);
+                task::spawn(async move {
+                    if let Err(error) = attend(stream, desk).await {
+                        tracing::debug!(%error, "a client is gone");
+                    }
+                });
+            }
+            Err(error) => {
+                tracing::warn!(%error, "a client could not be let in");
+                tokio::time::sleep(std::time::Duration::from_millis(50)).await;
+            }
+        }
+    }
+}
+
+async fn attend(stream: UnixStream, desk: Arc<Desk>) -> io::Result<()> {
+    let (read, mut write) = stream.into_split();
+    let cancelled = Arc::new(AtomicBool::new(false));
+    let mut executive = Executive::new(desk.exchange.link(Arc::clone(&cancelled)));
+    // Lines are read while a request is being carried out, so that the end of the connection is seen at once.
+    let (lines, mut next) = mpsc::channel(1);
+    let reading = task::spawn(async move {
+        let mut read = BufReader::new(read);
+        let mut line = Vec::new();
+        loop {
+            line.clear();
+            let length = (&mut read).take(LONGEST_LINE).read_until(b'\n', &mut line).await.unwrap_or(0);
+            if length == 0 || lines.send(line.clone()).await.is_err() {
+                break;
+            }
+        }
+        cancelled.store(true, Ordering::Release);
+    });
+    while let Some(line) = next.recv().await {
+        let answer = match serde_json::from_slice(&line) {
+            Ok(ToDaemon::Do(request)) => {
+                let (back, answer) = task::spawn_blocking(move || carry_out(executive, request)).await?;
+                executive = back;
+                answer
+            }
+            Ok(ToDaemon::Describe) => FromDaemon::Description(Box::new((desk.describe)())),
+            Ok(ToDaemon::Down) => take_down(&desk).await,
+            Err(error) => {
+                FromDaemon::Failed(crate::executive::Failure::Control { reason: error.to_string() })
+            }
+        };
+        send(&mut write, &answer).await?;
+    }
+    reading.abort();
+    Ok(())
+}
+
+fn carry_out(mut executive: Executive<LiveLink>, request: Request) -> (Executive<LiveLink>, FromDaemon) {
+    executive.link().forget();
+    let answer = match executive.operate(request) {
+        Ok(outcome) => FromDaemon::Done(outcome),
+        Err(failure) => FromDaemon::Failed(failure),
+    };
+    (executive, answer)
+}
+
+async fn take_down(desk: &Desk) -> FromDaemon {
+    let mut report = desk.report.subscribe();
+    desk.down.notify_one();
+    match report.wait_for(Option::is_some).await {
+        Ok(report) => report.clone().map_or(FromDaemon::Done(Outcome::Done), FromDaemon::Down),
+        Err(_) => FromDaemon::Done(Outcome::Done),
+    }
+}
+
+async fn send(write: &mut OwnedWriteHalf, answer: &FromDaemon) -> io::Result<()> {
+    let mut line = serde_json::to_vec(answer)?;
+    line.push(b'\n');
+    write.write_all(&line).await
+}
