@@ -386,6 +386,87 @@ fn lines_of_any_ratio_start_and_end_together() {
     }
 }
 
+/// Arms a path on two cards, starts it, and returns both when they stand. A leg says what the axes make of it, and the
+/// ceiling at the joint after it.
+fn path(legs: &[(i32, i32, u8)], stop: Option<(u64, Operation)>) -> [Rig; 2] {
+    let mut rigs = [(), ()].map(|()| Rig::ready(ShortMoves::Optimal));
+    for rig in &mut rigs {
+        rig.go(Direction::Forward, 30_000).expect("ready");
+        rig.settle();
+        rig.record = Record::default();
+    }
+    let now = rigs.iter().map(|rig| rig.card.now()).max().expect("two");
+    let start = now + Ticks(80_000);
+    for (which, rig) in rigs.iter_mut().enumerate() {
+        rig.card.advance(now, &mut rig.record);
+        for (one, other, joint) in legs {
+            let lead = one.unsigned_abs().max(other.unsigned_abs());
+            let lead = distance(lead.try_into().expect("small"));
+            rig.command(Operation::Lead { distance: lead, limit: None }).expect("room");
+            let own = if which == 0 { *one } else { *other };
+            let direction = if own < 0 { Direction::TowardsOrigin } else { Direction::Forward };
+            let part = Distance::new(own.unsigned_abs().try_into().expect("small"))
+                .map_or(Operation::Rest, |distance| Operation::ArmLine { direction, distance });
+            rig.command(part).expect("room");
+            rig.command(Operation::Join { limit: SpeedIndex::new(*joint).expect("in range") }).expect("armed");
+        }
+        rig.command_at(Operation::Go, Some(start)).expect("armed");
+        if let Some((after, operation)) = stop {
+            rig.command_at(operation, Some(start + Ticks(after))).expect("always");
+        }
+        rig.settle();
+    }
+    rigs
+}
+
+#[test]
+fn a_path_runs_on_over_its_joints_and_turns_where_it_must() {
+    let legs = [(3_000, 1_000, 232), (3_000, 1_000, 100), (500, 0, 0), (-2_000, 700, 0), (-1, -3, 0)];
+    let [mut one, mut other] = path(&legs, None);
+    assert_eq!(one.report().position, Some(Position(30_000 + 4_499)));
+    assert_eq!(other.report().position, Some(Position(30_000 + 2_697)));
+    assert_eq!((one.record.pulses.len(), other.record.pulses.len()), (8_501, 2_703));
+    let last = one.record.pulses[..8_500].last().expect("it moved").1;
+    assert_eq!(last, Position(34_500), "the direction changes just at the joint");
+    // Two equal legs are one: the first joint is passed at the speed that the curve has reached there.
+    let begin = one.record.pulses[2_999].0;
+    let end = one.record.pulses[3_000].0;
+    assert!(end.since(begin).0 < 200, "{:?}", end.since(begin));
+    for rig in [&one, &other] {
+        let ticks: Vec<u64> = rig.record.pulses.iter().map(|pulse| pulse.0.0).collect();
+        assert!(ticks.windows(2).all(|pair| pair[1] - pair[0] >= 133));
+    }
+}
+
+#[test]
+fn a_path_is_bounded_and_refused_leg_by_leg() {
+    let mut rig = Rig::ready(ShortMoves::Optimal);
+    let lead = Operation::Lead { distance: distance(100), limit: None };
+    let forward = Operation::ArmLine { direction: Direction::Forward, distance: distance(100) };
+    let back = Operation::ArmLine { direction: Direction::TowardsOrigin, distance: distance(100) };
+    rig.command(lead).expect("ready");
+    rig.command(forward).expect("ready");
+    rig.command(lead).expect("room");
+    rig.command(back).expect("back to the origin");
+    rig.command(lead).expect("room");
+    let (min, max) = (Position(0), Position(66_000));
+    assert_eq!(rig.command(back), Err(Refusal::OutOfTravel { target: Position(-100), min, max }));
+    for _ in 2..32 {
+        rig.command(lead).expect("room");
+        rig.command(Operation::Rest).expect("room");
+    }
+    assert_eq!(rig.command(lead), Err(Refusal::PathFull));
+    rig.command(Operation::Halt).expect("always");
+    assert_eq!(rig.command(Operation::Join { limit: SpeedIndex::TOP }), Err(Refusal::NotArmed));
+
+    let long = Operation::Lead { distance: distance(40_000), limit: None };
+    rig.command(long).expect("ready");
+    rig.command(Operation::ArmLine { direction: Direction::Forward, distance: distance(40_000) }).expect("ready");
+    rig.command(long).expect("room");
+    let back = Operation::ArmLine { direction: Direction::TowardsOrigin, distance: distance(40_000) };
+    assert_eq!(rig.command(back), Err(Refusal::PathTooLong { steps: 80_000 }));
+}
+
 #[test]
 fn a_line_that_is_late_moves_nobody() {
     let mut rig = Rig::ready(ShortMoves::Optimal);
@@ -442,6 +523,41 @@ proptest! {
         let leading = rigs[0].record.pulses.len() as u64;
         let ideal = leading * u64::from(own) / u64::from(lead);
         prop_assert_eq!(rigs[1].record.pulses.len() as u64, ideal);
+    }
+
+    #[test]
+    fn interrupted_paths_stop_on_the_path(
+        legs in prop::collection::vec((-3_000_i32..=3_000, -3_000_i32..=3_000, 0_u8..=232), 1..=16),
+        after in 0_u64..4_000_000, brake: bool,
+    ) {
+        // Where an axis turns, the path must stop.
+        let legs: Vec<_> = legs.iter().filter(|leg| (leg.0, leg.1) != (0, 0)).copied().collect();
+        let mut joined = legs.clone();
+        for (i, leg) in joined.iter_mut().enumerate() {
+            let turns = legs.get(i + 1).is_some_and(|next| leg.0.signum() != next.0.signum() || leg.1.signum() != next.1.signum());
+            if turns { leg.2 = 0; }
+        }
+        prop_assume!(!joined.is_empty());
+        let operation = if brake { Operation::Brake } else { Operation::Halt };
+        let [one, other] = &mut path(&joined, Some((after, operation)));
+        // The way of the leading axis at which they stand is the same for both: look for it leg by leg.
+        let (mut at, mut found) = ((30_000, 30_000), false);
+        let stands = [&mut *one, &mut *other].map(|rig| rig.report().position.expect("known").0);
+        for (a, b, _) in &joined {
+            let lead = i64::from(a.unsigned_abs().max(b.unsigned_abs()));
+            found |= (0..=lead).any(|x| {
+                let part = |own: i32| i32::try_from(i64::from(own.abs()) * x / lead).expect("small") * own.signum();
+                [at.0 + part(*a), at.1 + part(*b)] == stands
+            });
+            at = (at.0 + a, at.1 + b);
+        }
+        prop_assert!(found, "{:?} is not on the path", stands);
+        for rig in [one, other] {
+            let pulses = rig.record.pulses.len();
+            prop_assert_eq!(rig.report().steps.0 as usize, pulses);
+            let periods: Vec<u64> = rig.record.pulses.windows(2).map(|pair| pair[1].0.since(pair[0].0).0).collect();
+            prop_assert!(periods.iter().all(|period| *period >= 133));
+        }
     }
 
     #[test]

@@ -3,7 +3,7 @@
 //! ```text
 //!   byte 1    byte 2               bytes 3 4          byte 5
 //!   address   d o o o o o o o      steps, MSB first   index into the ramp table
-//!             │ └ op-code 01 … 0E
+//!             │ └ op-code 01 … 0E, and 21, 22 for paths
 //!             └ direction: 1 is towards the origin
 //! ```
 //!
@@ -80,6 +80,13 @@ pub enum Operation {
     },
     /// 0B: start the armed line at the tick that the frame names.
     Go,
+    /// 21: this card stands in the leg that `Lead` has named.
+    Rest,
+    /// 22: how fast the joint after the last armed leg may be passed; without it, at start speed.
+    Join {
+        /// The ceiling of the leading axis there.
+        limit: SpeedIndex,
+    },
     /// 0C: acknowledge an alarm.
     Clear,
     /// 0D: report the digital inputs (card 8).
@@ -110,6 +117,8 @@ impl Operation {
             Self::Clear => 0x0C,
             Self::ReadInputs => 0x0D,
             Self::WriteOutputs { .. } => 0x0E,
+            Self::Rest => 0x21,
+            Self::Join { .. } => 0x22,
         }
     }
 
@@ -131,6 +140,8 @@ impl Operation {
             Self::Clear => "Clear",
             Self::ReadInputs => "ReadInputs",
             Self::WriteOutputs { .. } => "WriteOutputs",
+            Self::Rest => "Rest",
+            Self::Join { .. } => "Join",
         }
     }
 
@@ -175,12 +186,14 @@ impl Command {
             Operation::Slew { direction, distance, speed } => movement(direction, distance, Some(speed)),
             Operation::Lead { distance, limit } => movement(Direction::Forward, distance, limit),
             Operation::WriteOutputs { word } => bytes.extend(word.to_be_bytes()),
+            Operation::Join { limit } => bytes.push(limit.get()),
             Operation::Originate
             | Operation::Status
             | Operation::Halt
             | Operation::Brake
             | Operation::SeekReference
             | Operation::Go
+            | Operation::Rest
             | Operation::Clear
             | Operation::ReadInputs => {}
         }
@@ -251,7 +264,12 @@ fn decode_operation(code: u8, rest: &[u8], length: usize) -> Result<Operation, R
             undirected()?;
             Ok(Operation::WriteOutputs { word: u16::from_be_bytes([msb, lsb]) })
         }
-        (0x01..=0x03 | 0x09 | 0x0A | 0x0E, _) => Err(wrong_length()),
+        (0x21, _) => bare(Operation::Rest),
+        (0x22, &[limit]) => {
+            undirected()?;
+            Ok(Operation::Join { limit: index(limit)? })
+        }
+        (0x01..=0x03 | 0x09 | 0x0A | 0x0E | 0x22, _) => Err(wrong_length()),
         _ => Err(Refusal::UnknownOpCode { op_code }),
     }
 }

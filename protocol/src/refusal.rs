@@ -31,7 +31,7 @@ pub enum Refusal {
         address: u8,
     },
     /// Not in the table of op-codes.
-    #[error("op-code {op_code:02X} is unknown (01 to 0E are known)")]
+    #[error("op-code {op_code:02X} is unknown (01 to 0E, 21 and 22 are known)")]
     UnknownOpCode {
         /// Bits 6..0 of the second byte.
         op_code: u8,
@@ -107,6 +107,15 @@ pub enum Refusal {
         /// Which end.
         end: End,
     },
+    /// No more legs can be armed.
+    #[error("the path has as many legs as a card can hold; start it, or halt it to begin anew")]
+    PathFull,
+    /// The axis' steps in all legs of a path together are more than its counter counts.
+    #[error("the legs have {steps} steps on this axis, a path has 65535 at most; make it in parts")]
+    PathTooLong {
+        /// The steps of this axis in all legs.
+        steps: u32,
+    },
 }
 
 #[cfg(test)]
@@ -118,7 +127,7 @@ mod tests {
         let cases = [
             (Refusal::TooShort { bytes: 1 }, "a command has 2 to 5 bytes, this one has 1"),
             (Refusal::WrongLength { op_code: 0x0A, bytes: 2 }, "op-code 0A does not come in 2 bytes"),
-            (Refusal::UnknownOpCode { op_code: 0x7F }, "op-code 7F is unknown (01 to 0E are known)"),
+            (Refusal::UnknownOpCode { op_code: 0x7F }, "op-code 7F is unknown (01 to 0E, 21 and 22 are known)"),
             (
                 Refusal::SpeedOutOfRange { speed: 233 },
                 "speed 233 is above 232, the last entry of the ramp table",

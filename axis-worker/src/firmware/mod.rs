@@ -24,9 +24,9 @@ use supersigma_protocol::{
 };
 
 use self::movement::Movement;
-use self::search::{Bounds, Found, Goal, Leg, Search};
+use self::search::{Bounds, Found, Goal, Search, Stage};
 use crate::board::{Board, Sink};
-use crate::ramp::{Plan, Schedule, Stop, Table};
+use crate::ramp::{Leg, Plan, Schedule, Share, Stop, Table};
 
 /// The program and its few variables.
 #[derive(Debug)]
@@ -53,13 +53,35 @@ struct Lead {
     limit: SpeedIndex,
 }
 
+/// A path that waits for its start: what the leading axis makes of each leg, and what this one does.
+#[derive(Debug, Default)]
+struct Armed {
+    legs: Vec<Leg>,
+    shares: Vec<Share>,
+    start: Option<Tick>,
+}
+
 /// What the axis is doing; each state holds what only it needs.
 #[derive(Debug)]
 enum State {
     Standing,
-    Armed { direction: Direction, schedule: Schedule, start: Option<Tick> },
+    Armed(Armed),
     Moving(Movement),
     Searching(Search, Movement),
+}
+
+/// How many legs a path may have.
+const LEGS: usize = 32;
+
+impl Armed {
+    fn schedule(&self, table: &Table) -> Schedule {
+        let plan = match self.legs[..] {
+            // A single line is a movement like any other, and made by the axis' method.
+            [Leg { distance, limit, .. }] => Plan::ramped(table, distance, limit),
+            _ => Plan::path(table, &self.legs),
+        };
+        Schedule::shared(plan, &self.shares)
+    }
 }
 
 impl Firmware {
@@ -99,17 +121,19 @@ impl Firmware {
             Operation::Move { direction, distance } => {
                 self.ready_for(direction, distance, board)?;
                 let plan = Plan::ramped(&self.table, distance, SpeedIndex::TOP);
-                self.begin(plan.into(), direction, board, sink);
+                self.begin(Schedule::alone(plan, direction), board, sink);
                 Ok(())
             }
             Operation::MoveLimited { direction, distance, limit } => {
                 self.ready_for(direction, distance, board)?;
-                self.begin(Plan::ramped(&self.table, distance, limit).into(), direction, board, sink);
+                let plan = Plan::ramped(&self.table, distance, limit);
+                self.begin(Schedule::alone(plan, direction), board, sink);
                 Ok(())
             }
             Operation::Slew { direction, distance, speed } => {
                 self.ready_for(direction, distance, board)?;
-                self.begin(Plan::constant(&self.table, distance, speed).into(), direction, board, sink);
+                let plan = Plan::constant(&self.table, distance, speed);
+                self.begin(Schedule::alone(plan, direction), board, sink);
                 Ok(())
             }
             Operation::Originate => self.search(Goal::Origin, board, sink),
@@ -123,11 +147,13 @@ impl Firmware {
                 Ok(())
             }
             Operation::Lead { distance, limit } => {
-                self.standing()?;
+                self.armable()?;
                 self.lead = Some(Lead { distance, limit: limit.unwrap_or(SpeedIndex::TOP) });
                 Ok(())
             }
-            Operation::ArmLine { direction, distance } => self.arm(direction, distance, board),
+            Operation::ArmLine { direction, distance } => self.arm(Some((direction, distance)), board),
+            Operation::Rest => self.arm(None, board),
+            Operation::Join { limit } => self.join(limit),
             Operation::Go => self.go(at, alone, board),
             Operation::Clear => match self.state {
                 State::Standing => {
@@ -148,7 +174,7 @@ impl Firmware {
     pub fn wake_at(&self) -> Option<Tick> {
         let own = match &self.state {
             State::Standing => None,
-            State::Armed { start, .. } => *start,
+            State::Armed(armed) => armed.start,
             State::Moving(movement) | State::Searching(_, movement) => Some(movement.wake_at()),
         };
         [own, self.halt_at, self.brake_at].into_iter().flatten().min()
@@ -165,12 +191,10 @@ impl Firmware {
         }
         match &mut self.state {
             State::Standing => {}
-            State::Armed { start, .. } => {
-                if start.is_some_and(|start| start <= board.now())
-                    && let State::Armed { direction, schedule, .. } =
-                        std::mem::replace(&mut self.state, State::Standing)
-                {
-                    self.begin(schedule, direction, board, sink);
+            State::Armed(armed) => {
+                if armed.start.is_some_and(|start| start <= board.now()) {
+                    let schedule = armed.schedule(&self.table);
+                    self.begin(schedule, board, sink);
                 }
             }
             State::Moving(movement) => {
@@ -181,7 +205,7 @@ impl Firmware {
             State::Searching(search, movement) => {
                 if movement.wake(board, sink) {
                     let search = *search;
-                    self.leg_over(search, board, sink);
+                    self.stage_over(search, board, sink);
                 }
             }
         }
@@ -192,7 +216,7 @@ impl Firmware {
         let detectors = board.detectors();
         match &mut self.state {
             State::Moving(movement) => {
-                let ahead = ahead(movement.direction());
+                let ahead = ahead(movement.direction(board));
                 if detectors.zone() == Some(ahead) && self.alarm.is_none() {
                     self.alarm = Some(Alarm::EndOfRail(ahead));
                     movement.stop(&self.table, Stop::Brake, board, sink);
@@ -201,12 +225,12 @@ impl Firmware {
             State::Searching(search, movement) => match search.judge(detectors) {
                 Found::Nothing => {}
                 Found::Switch => {
-                    search.leg = Leg::Overshoot;
+                    search.stage = Stage::Overshoot;
                     movement.stop(&self.table, Stop::Halt, board, sink);
                 }
                 Found::Goal => movement.cut(board),
             },
-            State::Standing | State::Armed { .. } => {}
+            State::Standing | State::Armed(_) => {}
         }
     }
 
@@ -221,17 +245,17 @@ impl Firmware {
     pub fn report(&self, board: &mut Board) -> AxisReport {
         let (activity, made) = match &self.state {
             State::Standing => (Activity::Standing, Steps(0)),
-            State::Armed { .. } => (Activity::Armed, Steps(0)),
+            State::Armed(_) => (Activity::Armed, Steps(0)),
             State::Moving(movement) => {
                 (movement.phase().map_or(Activity::Standing, Activity::from), Steps(0))
             }
             State::Searching(search, _) => (search.activity(), search.made),
         };
         let (steps, position) = match &self.state {
-            State::Standing | State::Armed { .. } => (self.steps, self.base),
+            State::Standing | State::Armed(_) => (self.steps, self.base),
             State::Moving(movement) | State::Searching(_, movement) => {
                 let steps = movement.steps(board);
-                (made + steps, self.base.map(|base| base.moved(movement.direction(), steps)))
+                (made + steps, self.base.map(|base| movement.position(base, board)))
             }
         };
         let detectors = board.detectors();
@@ -240,7 +264,7 @@ impl Firmware {
             .with(SensePoint::X1, detectors.lower)
             .with(SensePoint::X2, detectors.upper)
             .with(SensePoint::X3, detectors.reference)
-            .with(SensePoint::X4, matches!(self.state, State::Standing | State::Armed { .. }));
+            .with(SensePoint::X4, matches!(self.state, State::Standing | State::Armed(_)));
         AxisReport { sense, steps, position, activity, alarm: self.alarm }
     }
 
@@ -260,38 +284,95 @@ impl Firmware {
 
     fn ready_for(&self, direction: Direction, distance: Distance, board: &Board) -> Result<(), Refusal> {
         self.standing()?;
-        let position = self.base.ok_or(Refusal::NotOriginated)?;
+        self.within_travel(&[], direction, distance, board)
+    }
+
+    /// Whether the axis may go on by `distance` after `shares`.
+    fn within_travel(
+        &self,
+        shares: &[Share],
+        direction: Direction,
+        distance: Distance,
+        board: &Board,
+    ) -> Result<(), Refusal> {
+        let base = self.base.ok_or(Refusal::NotOriginated)?;
+        let mut moves = shares.iter().filter_map(|share| share.own);
         let end = ahead(direction);
-        if board.detectors().zone() == Some(end) {
+        if board.detectors().zone() == Some(end) && moves.clone().next().is_none() {
             return Err(Refusal::AtEnd { end });
         }
-        let target = position.moved(direction, distance.steps());
+        let from = moves.try_fold(base, |position, (direction, distance)| {
+            Ok(position.moved(direction, distance.steps()))
+        })?;
+        let target = from.moved(direction, distance.steps());
         let TravelConfig { min, max } = self.travel;
-        if direction == Direction::Forward && target > max
-            || direction == Direction::TowardsOrigin && target < min
-        {
-            return Err(Refusal::OutOfTravel { target, min, max });
+        let leaves = match direction {
+            Direction::Forward => target > max,
+            Direction::TowardsOrigin => target < min,
+        };
+        if leaves { Err(Refusal::OutOfTravel { target, min, max }) } else { Ok(()) }
+    }
+
+    /// Whether a leg may be armed: standing free, or armed and not yet about to start.
+    fn armable(&self) -> Result<(), Refusal> {
+        match &self.state {
+            State::Armed(armed) if armed.start.is_none() => {
+                if armed.legs.len() < LEGS { Ok(()) } else { Err(Refusal::PathFull) }
+            }
+            _ => self.standing(),
         }
+    }
+
+    /// Takes the axis' own part of the leg whose leading axis is set; `None` means that it stands.
+    fn arm(&mut self, own: Option<(Direction, Distance)>, board: &Board) -> Result<(), Refusal> {
+        self.armable()?;
+        let lead = self.lead.ok_or(Refusal::NoLead)?;
+        let armed = match &self.state {
+            State::Armed(armed) => armed,
+            _ => &Armed::default(),
+        };
+        if let Some((direction, distance)) = own {
+            if distance > lead.distance {
+                return Err(Refusal::LongerThanLead { steps: distance.get(), lead: lead.distance.get() });
+            }
+            self.within_travel(&armed.shares, direction, distance, board)?;
+            let before: u32 = armed.shares.iter().filter_map(|share| share.own).map(|own| own.1.steps().0).sum();
+            let total = before + distance.steps().0;
+            if total > Distance::MAX.steps().0 {
+                return Err(Refusal::PathTooLong { steps: total });
+            }
+        } else if self.base.is_none() {
+            return Err(Refusal::NotOriginated);
+        }
+        if matches!(self.state, State::Standing) {
+            self.steps = Steps(0);
+            self.state = State::Armed(Armed::default());
+        }
+        if let State::Armed(armed) = &mut self.state {
+            let Lead { distance, limit } = lead;
+            armed.legs.push(Leg { distance, limit, joint: SpeedIndex::START });
+            armed.shares.push(Share { lead: distance, own });
+        }
+        self.lead = None;
         Ok(())
     }
 
-    fn arm(&mut self, direction: Direction, distance: Distance, board: &Board) -> Result<(), Refusal> {
-        self.standing()?;
-        let lead = self.lead.ok_or(Refusal::NoLead)?;
-        if distance > lead.distance {
-            return Err(Refusal::LongerThanLead { steps: distance.get(), lead: lead.distance.get() });
+    /// Says how fast the joint after the last armed leg may be passed.
+    fn join(&mut self, limit: SpeedIndex) -> Result<(), Refusal> {
+        match &mut self.state {
+            State::Armed(Armed { legs, start: None, .. }) => {
+                if let Some(last) = legs.last_mut() {
+                    last.joint = limit;
+                }
+                Ok(())
+            }
+            State::Standing | State::Armed(_) => Err(Refusal::NotArmed),
+            _ => Err(Refusal::Moving),
         }
-        self.ready_for(direction, distance, board)?;
-        let plan = Plan::ramped(&self.table, lead.distance, lead.limit);
-        let schedule = Schedule::on_line(plan, distance, lead.distance);
-        self.lead = None;
-        self.steps = Steps(0);
-        self.state = State::Armed { direction, schedule, start: None };
-        Ok(())
     }
 
     fn go(&mut self, at: Option<Tick>, alone: bool, board: &Board) -> Result<(), Refusal> {
-        let State::Armed { start, .. } = &mut self.state else {
+        let State::Armed(Armed { start, .. }) = &mut self.state else {
             // Said to everyone, it concerns those that are armed.
             return if alone { Err(Refusal::NotArmed) } else { Ok(()) };
         };
@@ -306,19 +387,19 @@ impl Firmware {
     fn search(&mut self, goal: Goal, board: &mut Board, sink: &mut impl Sink) -> Result<(), Refusal> {
         self.standing()?;
         self.base = None;
-        self.begin_leg(Search::new(goal, board.detectors()), board, sink);
+        self.begin_stage(Search::new(goal, board.detectors()), board, sink);
         Ok(())
     }
 
-    fn begin(&mut self, schedule: Schedule, direction: Direction, board: &mut Board, sink: &mut impl Sink) {
+    fn begin(&mut self, schedule: Schedule, board: &mut Board, sink: &mut impl Sink) {
         self.lead = None;
-        self.state = State::Moving(Movement::begin(schedule, direction, board, sink));
+        self.state = State::Moving(Movement::begin(schedule, board, sink));
     }
 
-    fn begin_leg(&mut self, search: Search, board: &mut Board, sink: &mut impl Sink) {
+    fn begin_stage(&mut self, search: Search, board: &mut Board, sink: &mut impl Sink) {
         self.lead = None;
-        if let Some((direction, plan)) = self.bounds.plan(search.leg, search.of_leg, &self.table) {
-            self.state = State::Searching(search, Movement::begin(plan.into(), direction, board, sink));
+        if let Some((direction, plan)) = self.bounds.plan(search.stage, search.of_stage, &self.table) {
+            self.state = State::Searching(search, Movement::begin(Schedule::alone(plan, direction), board, sink));
         } else {
             self.alarm = Some(search.failure());
             self.base = None;
@@ -333,23 +414,23 @@ impl Firmware {
         self.state = State::Standing;
     }
 
-    /// The last pulse of one leg of a search has come.
-    fn leg_over(&mut self, search: Search, board: &mut Board, sink: &mut impl Sink) {
+    /// The last pulse of one stage of a search has come.
+    fn stage_over(&mut self, search: Search, board: &mut Board, sink: &mut impl Sink) {
         let detectors = board.detectors();
         self.stand(board);
-        let next = |leg| Search { leg, made: self.steps, of_leg: Steps(0), ..search };
-        match search.leg {
-            Leg::Overshoot if detectors.lower => self.begin_leg(next(Leg::Release), board, sink),
-            Leg::Release if !detectors.lower => {
+        let next = |stage| Search { stage, made: self.steps, of_stage: Steps(0), ..search };
+        match search.stage {
+            Stage::Overshoot if detectors.lower => self.begin_stage(next(Stage::Release), board, sink),
+            Stage::Release if !detectors.lower => {
                 self.base = Some(Position(0));
                 if search.goal == Goal::Reference {
-                    self.begin_leg(next(Leg::LockIn), board, sink);
+                    self.begin_stage(next(Stage::LockIn), board, sink);
                 }
             }
-            Leg::LockIn if detectors.reference => {}
+            Stage::LockIn if detectors.reference => {}
             unfinished => {
-                let of_leg = search.of_leg + (self.steps - search.made);
-                self.begin_leg(Search { of_leg, ..next(unfinished) }, board, sink);
+                let of_stage = search.of_stage + (self.steps - search.made);
+                self.begin_stage(Search { of_stage, ..next(unfinished) }, board, sink);
             }
         }
     }
@@ -373,7 +454,7 @@ impl Firmware {
             self.alarm.get_or_insert(Alarm::Braked);
         }
         self.state = match std::mem::replace(&mut self.state, State::Standing) {
-            State::Standing | State::Armed { .. } => State::Standing,
+            State::Standing | State::Armed(_) => State::Standing,
             // A search that is stopped is over: it never goes on by itself, and the position stays unknown.
             State::Moving(mut movement) | State::Searching(_, mut movement) => {
                 movement.stop(&self.table, stop, board, sink);

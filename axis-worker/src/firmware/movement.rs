@@ -14,7 +14,7 @@
 //!   writes      ▲ load               ▲ fire
 //! ```
 
-use supersigma_protocol::{Count, Direction, Steps, Tick, Ticks};
+use supersigma_protocol::{Count, Direction, Position, Steps, Tick, Ticks};
 
 use crate::board::{Board, Sink};
 use crate::ramp::{Phase, REACTION, Schedule, Stop, Table};
@@ -26,13 +26,14 @@ const FIRE_AHEAD: u32 = 3_077;
 #[derive(Debug)]
 pub(super) struct Movement {
     start: Tick,
-    direction: Direction,
     schedule: Schedule,
     /// Whether counter 2 counts, as for movements of one or two steps.
     short: bool,
     write: Option<Write>,
     phase: Option<Phase>,
     phase_changes: Option<u64>,
+    /// The last pulse before the sense wire changes.
+    turn: Option<u32>,
 }
 
 /// The next thing to do to the chip, and when, in ticks from the start.
@@ -57,18 +58,13 @@ enum What {
 
 impl Movement {
     /// Starts `schedule` now.
-    pub(super) fn begin(
-        schedule: Schedule,
-        direction: Direction,
-        board: &mut Board,
-        sink: &mut impl Sink,
-    ) -> Self {
+    pub(super) fn begin(schedule: Schedule, board: &mut Board, sink: &mut impl Sink) -> Self {
         let total = schedule.total().0;
-        board.set_direction(direction);
+        board.set_direction(schedule.direction_of(1));
         board.arm_step_counters(total);
         let mut movement = Self {
             start: board.now(),
-            direction,
+            turn: schedule.turns_after(0),
             schedule,
             short: total <= 2,
             write: None,
@@ -87,9 +83,14 @@ impl Movement {
         movement
     }
 
-    /// Where to.
-    pub(super) fn direction(&self) -> Direction {
-        self.direction
+    /// Where to, at the moment.
+    pub(super) fn direction(&self, board: &mut Board) -> Direction {
+        self.schedule.direction_of(self.steps(board).0 + 1)
+    }
+
+    /// Where the axis is by now, if it began at `start`.
+    pub(super) fn position(&self, start: Position, board: &mut Board) -> Position {
+        self.schedule.position_after(start, self.steps(board))
     }
 
     /// What the axis does now.
@@ -111,7 +112,8 @@ impl Movement {
 
     /// When the firmware has something to do.
     pub(super) fn wake_at(&self) -> Tick {
-        let soonest = [self.write.map(|write| write.at), self.phase_changes]
+        let turn = self.turn.map(|last| self.schedule.tick_of(last));
+        let soonest = [self.write.map(|write| write.at), self.phase_changes, turn]
             .into_iter()
             .flatten()
             .fold(self.end(), u64::min);
@@ -131,6 +133,10 @@ impl Movement {
         if self.phase_changes.is_some_and(|at| at <= now) {
             self.look_at_phase(now);
         }
+        if let Some(last) = self.turn.take_if(|last| self.schedule.tick_of(*last) <= now) {
+            board.set_direction(self.schedule.direction_of(last + 1));
+            self.turn = self.schedule.turns_after(last);
+        }
         false
     }
 
@@ -141,6 +147,7 @@ impl Movement {
         let due = self.schedule.tick_of(next);
         self.schedule.stop(table, now, stop);
         self.look_at_phase(now);
+        self.turn = self.schedule.turns_after(next - 1);
         if next > self.schedule.total().0 {
             self.write = None;
         } else if self.schedule.tick_of(next) == due {

@@ -1,4 +1,4 @@
-//! Origination (\[C\]) and the search for the reference step (\[F\]): which leg comes next, and what it must find.
+//! Origination (\[C\]) and the search for the reference step (\[F\]): which stage comes next, and what it must find.
 //! It moves nothing itself.
 //!
 //! ```text
@@ -9,7 +9,7 @@
 //!   lock in                    ──────────►                    forward at low speed, to the reference step (X3)
 //! ```
 //!
-//! Every leg is bounded in steps, so that a dead or stuck switch ends in an alarm and not at the stop.
+//! Every stage is bounded in steps, so that a dead or stuck switch ends in an alarm and not at the stop.
 
 use supersigma_config::{AxisConfig, RailConfig};
 use supersigma_protocol::{Activity, Alarm, Direction, Distance, SpeedIndex, Steps};
@@ -26,9 +26,9 @@ pub(super) enum Goal {
     Reference,
 }
 
-/// One leg of a search.
+/// One stage of a search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Leg {
+pub(super) enum Stage {
     /// Backward, until the limit switch closes.
     Approach,
     /// Backward, down the ramp.
@@ -39,14 +39,14 @@ pub(super) enum Leg {
     LockIn,
 }
 
-/// What a detector's change means to a leg.
+/// What a detector's change means to a stage.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Found {
     /// Nothing.
     Nothing,
     /// Slow down, then turn round.
     Switch,
-    /// Stop here: this is what the leg looks for.
+    /// Stop here: this is what the stage looks for.
     Goal,
 }
 
@@ -54,18 +54,18 @@ pub(super) enum Found {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Search {
     pub(super) goal: Goal,
-    pub(super) leg: Leg,
+    pub(super) stage: Stage,
     /// Steps of the movements before this one.
     pub(super) made: Steps,
-    /// Those of them that belong to this leg: a rail may be longer than one movement.
-    pub(super) of_leg: Steps,
+    /// Those of them that belong to this stage: a rail may be longer than one movement.
+    pub(super) of_stage: Steps,
 }
 
 impl Search {
     /// The search for `goal`, from where the detectors say this.
     pub(super) fn new(goal: Goal, detectors: Detectors) -> Self {
-        let leg = if detectors.lower { Leg::Release } else { Leg::Approach };
-        Self { goal, leg, made: Steps(0), of_leg: Steps(0) }
+        let stage = if detectors.lower { Stage::Release } else { Stage::Approach };
+        Self { goal, stage, made: Steps(0), of_stage: Steps(0) }
     }
 
     /// How the status names it.
@@ -76,27 +76,27 @@ impl Search {
         }
     }
 
-    /// What the detectors, just changed, mean to this leg.
+    /// What the detectors, just changed, mean to this stage.
     pub(super) fn judge(&self, detectors: Detectors) -> Found {
-        match self.leg {
-            Leg::Approach if detectors.lower => Found::Switch,
-            Leg::Release if !detectors.lower => Found::Goal,
-            Leg::LockIn if detectors.reference => Found::Goal,
+        match self.stage {
+            Stage::Approach if detectors.lower => Found::Switch,
+            Stage::Release if !detectors.lower => Found::Goal,
+            Stage::LockIn if detectors.reference => Found::Goal,
             _ => Found::Nothing,
         }
     }
 
-    /// The alarm if the leg has made all its steps without finding what it looks for.
+    /// The alarm if the stage has made all its steps without finding what it looks for.
     pub(super) fn failure(&self) -> Alarm {
-        match self.leg {
-            Leg::Approach | Leg::Overshoot => Alarm::SwitchNeverClosed(self.of_leg),
-            Leg::Release => Alarm::SwitchNeverOpened(self.of_leg),
-            Leg::LockIn => Alarm::ReferenceNotFound(self.of_leg),
+        match self.stage {
+            Stage::Approach | Stage::Overshoot => Alarm::SwitchNeverClosed(self.of_stage),
+            Stage::Release => Alarm::SwitchNeverOpened(self.of_stage),
+            Stage::LockIn => Alarm::ReferenceNotFound(self.of_stage),
         }
     }
 }
 
-/// The bounds of the legs.
+/// The bounds of the stages.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Bounds {
     speed: SpeedIndex,
@@ -106,7 +106,7 @@ pub(super) struct Bounds {
 }
 
 impl Bounds {
-    /// Of an axis: the whole rail for the approach, twice what is expected for the short legs.
+    /// Of an axis: the whole rail for the approach, twice what is expected for the short stages.
     pub(super) fn new(axis: &AxisConfig) -> Self {
         let RailConfig { length, lower_zone, reference, .. } = axis.rail;
         let twice = |steps| steps + steps;
@@ -118,12 +118,12 @@ impl Bounds {
         }
     }
 
-    /// The movement of `leg`, of which `made` steps have been made already; `None` if that is all it may make.
-    pub(super) fn plan(&self, leg: Leg, made: Steps, table: &Table) -> Option<(Direction, Plan)> {
-        let (direction, bound, speed) = match leg {
-            Leg::Approach | Leg::Overshoot => (Direction::TowardsOrigin, self.approach, self.speed),
-            Leg::Release => (Direction::Forward, self.release, SpeedIndex::START),
-            Leg::LockIn => (Direction::Forward, self.lock_in, SpeedIndex::START),
+    /// The movement of `stage`, of which `made` steps have been made already; `None` if that is all it may make.
+    pub(super) fn plan(&self, stage: Stage, made: Steps, table: &Table) -> Option<(Direction, Plan)> {
+        let (direction, bound, speed) = match stage {
+            Stage::Approach | Stage::Overshoot => (Direction::TowardsOrigin, self.approach, self.speed),
+            Stage::Release => (Direction::Forward, self.release, SpeedIndex::START),
+            Stage::LockIn => (Direction::Forward, self.lock_in, SpeedIndex::START),
         };
         let left = bound.0.checked_sub(made.0)?.min(Distance::MAX.steps().0);
         let distance = Distance::new(u16::try_from(left).ok()?)?;

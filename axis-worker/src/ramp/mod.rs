@@ -26,8 +26,8 @@ mod table;
 #[cfg(test)]
 mod tests;
 
-pub use plan::{Phase, Plan, Run, Stop};
-pub use schedule::Schedule;
+pub use plan::{Leg, Phase, Plan, Run, Stop};
+pub use schedule::{Schedule, Share};
 pub use table::{Table, Walk};
 
 use supersigma_protocol::Ticks;

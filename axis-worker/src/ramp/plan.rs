@@ -43,6 +43,17 @@ impl From<Phase> for Activity {
     }
 }
 
+/// One leg of a path, as its leading axis makes it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Leg {
+    /// How far.
+    pub distance: Distance,
+    /// The ceiling.
+    pub limit: SpeedIndex,
+    /// The ceiling at the joint to the next leg; [`SpeedIndex::START`] is as good as a stop.
+    pub joint: SpeedIndex,
+}
+
 /// Successive periods of one length. Ticks count from the start of the movement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Run {
@@ -87,20 +98,52 @@ impl Plan {
     /// ceiling leaves, lies between them.
     #[must_use]
     pub fn fastest(table: &Table, distance: Distance, limit: SpeedIndex) -> Self {
+        Self::path(table, &[Leg { distance, limit, joint: SpeedIndex::START }])
+    }
+
+    /// The fastest plan over several legs that passes each joint no faster than it may be passed.
+    ///
+    /// ```text
+    ///   speed                           K: how far up the walk a ceiling, or a joint, allows
+    ///     │    ╭─────╮                  k: how far up the walk the joint is passed: at most K, and
+    ///     │  ╱        ╲     ╭─╮             no further from the next k than the leg has pulses
+    ///     │╱            ╲ ╱     ╲
+    ///     └──────────────┴────────╲──   Within a leg: up from k to a peak, down to the next k; what is left
+    ///     k = 0          k        k = 0 over lies between them at the peak's speed
+    /// ```
+    ///
+    /// The joint after the last leg is where the movement ends, and has no speed.
+    #[must_use]
+    pub fn path(table: &Table, legs: &[Leg]) -> Self {
         let walk = table.normal();
-        let total = distance.steps().0;
-        let to_ceiling = walk.slower_than(table.period(limit));
-        let up = to_ceiling.min(total / 2);
-        let between = if up < to_ceiling { walk.period(walk.entry_of(up + 1)) } else { table.period(limit) };
-        let mut plan = Self::default();
-        let mut entry = 0;
-        while walk.before(entry) < up {
-            let pulses = walk.before(entry + 1).min(up) - walk.before(entry);
-            plan.follow(pulses, walk.period(entry), Phase::Accelerating);
-            entry += 1;
+        let up_to = |index: SpeedIndex| walk.slower_than(table.period(index));
+        let length = |leg: &Leg| leg.distance.steps().0;
+        // passed[i] is k before leg i; none before the first, none after the last.
+        let mut passed = vec![0; legs.len() + 1];
+        for (i, pair) in legs.windows(2).enumerate() {
+            let [leg, next] = pair else { continue };
+            let allowed = up_to(leg.joint).min(up_to(leg.limit)).min(up_to(next.limit));
+            passed[i + 1] = allowed.min(passed[i] + length(leg));
         }
-        plan.follow(total - 2 * up, between, Phase::Cruising);
-        plan.descend(walk, up, Phase::Decelerating);
+        for (i, leg) in legs.iter().enumerate().rev() {
+            passed[i] = passed[i].min(passed[i + 1] + length(leg));
+        }
+        let mut plan = Self::default();
+        for (leg, ends) in legs.iter().zip(passed.windows(2)) {
+            let &[from, to] = ends else { continue };
+            let ceiling = up_to(leg.limit);
+            let peak = ceiling.min((length(leg) + from + to) / 2);
+            let period = if peak == ceiling {
+                table.period(leg.limit)
+            } else {
+                // An odd pulse on the top may be a little faster than its neighbours; at a joint it may not.
+                let odd = if peak == 0 || peak > from.max(to) { peak + 1 } else { peak };
+                walk.period(walk.entry_of(odd))
+            };
+            plan.ascend(walk, from, peak);
+            plan.follow(length(leg) + from + to - 2 * peak, period, Phase::Cruising);
+            plan.descend(walk, peak, to, Phase::Decelerating);
+        }
         plan
     }
 
@@ -189,7 +232,7 @@ impl Plan {
         // A count written at the very tick of a pulse would rule the period that begins there: so, a little later,
         // but not after the running period.
         let earliest = (tick + REACTION.0).min(self.runs[index].end());
-        self.descend(walk, descent, phase);
+        self.descend(walk, descent, 0, phase);
         if let Some(next) = self.runs.get_mut(first) {
             next.written = next.written.max(Some(earliest));
         }
@@ -221,13 +264,25 @@ impl Plan {
         self.runs.push(Run { before, pulses, start, period, written, phase });
     }
 
-    /// Adds the first `pulses` periods of `walk` in reverse.
-    fn descend(&mut self, walk: &Walk, pulses: u32, phase: Phase) {
-        let mut left = pulses;
-        while left > 0 {
+    /// Adds the periods of `walk` after its pulse `from`, up to pulse `to`.
+    fn ascend(&mut self, walk: &Walk, from: u32, to: u32) {
+        let mut done = from;
+        while done < to {
+            let entry = walk.entry_of(done + 1);
+            let end = walk.end(entry).min(to);
+            self.follow(end - done, walk.period(entry), Phase::Accelerating);
+            done = end;
+        }
+    }
+
+    /// Adds the periods of `walk` from its pulse `from` back to the one after pulse `to`.
+    fn descend(&mut self, walk: &Walk, from: u32, to: u32, phase: Phase) {
+        let mut left = from;
+        while left > to {
             let entry = walk.entry_of(left);
-            self.follow(left - walk.before(entry), walk.period(entry), phase);
-            left = walk.before(entry);
+            let end = walk.before(entry).max(to);
+            self.follow(left - end, walk.period(entry), phase);
+            left = end;
         }
     }
 }

@@ -1,4 +1,5 @@
-//! When each pulse of one axis is due: by a plan of its own, or by its share of the plan of a line's leading axis.
+//! When each pulse of one axis is due: by a plan that it follows pulse by pulse, or by its share of the plan of a line's
+//! leading axis.
 //!
 //! On a line, every axis knows the leading axis' plan (same table, same steps), and follows it: with F steps of its
 //! own against the leader's S, its pulse k belongs where the leader has made k·S/F steps,
@@ -9,60 +10,88 @@
 //!                          ▲ x = k·S/F: tick T(⌊x⌋) + the same fraction of the leader's next period
 //! ```
 //!
-//! so its position never differs from the ideal line by a whole step, and the last pulses fall together. A stop
-//! changes the leader's plan, on every card at the same tick in the same way, so the axes stay on the line.
+//! so its position never differs from the ideal line by a whole step, and the last pulses fall together. A path is
+//! a line after another, with a share for each; the plan runs on over the joints. A stop changes the leader's plan, on
+//! every card at the same tick in the same way, so the axes stay on the line.
 
-use supersigma_protocol::{Distance, Steps};
+use supersigma_protocol::{Direction, Distance, Position, Steps};
 
 use super::plan::{Phase, Plan, Stop};
 use super::table::Table;
+
+/// What an axis makes of one leg.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Share {
+    /// The leading axis' steps.
+    pub lead: Distance,
+    /// The axis' own, and where to; `None` if it stands.
+    pub own: Option<(Direction, Distance)>,
+}
 
 /// The due ticks of an axis' pulses, numbered from 1, in ticks from the start.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Schedule {
     plan: Plan,
-    share: Option<Share>,
+    legs: Vec<Leg>,
+    /// Whether each pulse of the plan is one of this axis.
+    is_plan: bool,
 }
 
-/// F and S of the picture, as they were commanded.
+/// F and S of the picture for one leg, and what lies before it. Legs in which the axis stands are left out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Share {
+struct Leg {
+    direction: Direction,
     own: u64,
     lead: u64,
-}
-
-impl From<Plan> for Schedule {
-    fn from(plan: Plan) -> Self {
-        Self { plan, share: None }
-    }
+    own_before: u64,
+    lead_before: u64,
 }
 
 impl Schedule {
-    /// `own` steps along a line whose leading axis makes `lead` steps by `plan`.
+    /// All pulses of `plan`, in one direction.
     #[must_use]
-    pub fn on_line(plan: Plan, own: Distance, lead: Distance) -> Self {
-        let share = Share { own: own.get().into(), lead: lead.get().into() };
-        Self { plan, share: (own != lead).then_some(share) }
+    pub fn alone(plan: Plan, direction: Direction) -> Self {
+        let all = u64::from(plan.total().0);
+        let leg = Leg { direction, own: all, lead: all, own_before: 0, lead_before: 0 };
+        Self { plan, legs: vec![leg], is_plan: true }
+    }
+
+    /// These shares of `plan`, one after the other.
+    #[must_use]
+    pub fn shared(plan: Plan, shares: &[Share]) -> Self {
+        let (mut own_before, mut lead_before) = (0, 0);
+        let mut legs = Vec::with_capacity(shares.len());
+        for share in shares {
+            let lead = u64::from(share.lead.get());
+            if let Some((direction, own)) = share.own {
+                let own = u64::from(own.get());
+                legs.push(Leg { direction, own, lead, own_before, lead_before });
+                own_before += own;
+            }
+            lead_before += lead;
+        }
+        // No share is more than its leg, so they are alike if their sums are.
+        Self { plan, legs, is_plan: own_before == lead_before }
     }
 
     /// The plan, if it is followed pulse by pulse and not as a share.
     #[must_use]
     pub fn own_plan(&self) -> Option<&Plan> {
-        self.share.is_none().then_some(&self.plan)
+        self.is_plan.then_some(&self.plan)
     }
 
     /// All pulses of this axis.
     #[must_use]
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "own ≤ lead, so the quotient is at most the plan's total"
-    )]
+    #[expect(clippy::cast_possible_truncation, reason = "own ≤ lead, so it is at most the plan's total")]
     pub fn total(&self) -> Steps {
-        let total = self.plan.total();
-        self.share.map_or(total, |share| Steps((u64::from(total.0) * share.own / share.lead) as u32))
+        let made = u64::from(self.plan.total().0);
+        let Some(leg) = self.legs.iter().rfind(|leg| leg.lead_before < made) else {
+            return Steps(0);
+        };
+        Steps((leg.own_before + (made - leg.lead_before).min(leg.lead) * leg.own / leg.lead) as u32)
     }
 
-    /// From the start to the end, in ticks: that of the leading axis, if there is one.
+    /// From the start to the end, in ticks: that of the leading axis.
     #[must_use]
     pub fn duration(&self) -> u64 {
         self.plan.duration()
@@ -72,19 +101,44 @@ impl Schedule {
     #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "the quotient is at most the plan's total")]
     pub fn tick_of(&self, pulse: u32) -> u64 {
-        let Some(share) = self.share else {
-            return self.plan.tick_of(pulse);
+        let Some(leg) = self.leg_of(pulse) else {
+            return 0;
         };
-        let scaled = u64::from(pulse) * share.lead;
-        let (whole, part) = ((scaled / share.own) as u32, scaled % share.own);
+        let scaled = (u64::from(pulse) - leg.own_before) * leg.lead;
+        let (whole, part) = ((leg.lead_before + scaled / leg.own) as u32, scaled % leg.own);
         let before = self.plan.tick_of(whole);
         if part == 0 {
             return before;
         }
-        before + u64::from(self.plan.period(whole + 1)) * part / share.own
+        before + u64::from(self.plan.period(whole + 1)) * part / leg.own
     }
 
-    /// What the axis does in the period after `done` pulses, and the tick at which this changes next.
+    /// The direction of pulse `pulse`, from 1.
+    #[must_use]
+    pub fn direction_of(&self, pulse: u32) -> Direction {
+        self.leg_of(pulse).map_or(Direction::Forward, |leg| leg.direction)
+    }
+
+    /// The last pulse before the direction changes, if it does later than pulse `pulse`.
+    #[must_use]
+    #[expect(clippy::cast_possible_truncation, reason = "bounded by the axis' total")]
+    pub fn turns_after(&self, pulse: u32) -> Option<u32> {
+        let pairs = self.legs.windows(2).filter(|pair| pair[0].direction != pair[1].direction);
+        let mut turns = pairs.map(|pair| pair[1].own_before as u32);
+        turns.find(|last| *last > pulse && *last < self.total().0)
+    }
+
+    /// Where the axis is after `steps` pulses from `start`.
+    #[must_use]
+    #[expect(clippy::cast_possible_truncation, reason = "at most the steps that were made")]
+    pub fn position_after(&self, start: Position, steps: Steps) -> Position {
+        self.legs.iter().fold(start, |position, leg| {
+            let made = u64::from(steps.0).saturating_sub(leg.own_before).min(leg.own);
+            position.moved(leg.direction, Steps(made as u32))
+        })
+    }
+
+    /// What the axis does at `tick`, and the tick at which this changes next.
     #[must_use]
     pub fn phase_at(&self, tick: u64) -> (Option<Phase>, Option<u64>) {
         let running = self.plan.pulses_by(tick) + 1;
@@ -105,5 +159,10 @@ impl Schedule {
     /// Leaves out the pulses after `pulses`. Only for plans at start speed that are followed pulse by pulse.
     pub fn cut(&mut self, pulses: u32) {
         self.plan.cut(pulses);
+    }
+
+    fn leg_of(&self, pulse: u32) -> Option<&Leg> {
+        let begun = self.legs.partition_point(|leg| leg.own_before < u64::from(pulse));
+        self.legs.get(begun.checked_sub(1)?)
     }
 }

@@ -148,6 +148,11 @@ impl Walk {
         self.pulses[entry]
     }
 
+    /// Pulses up to the last one of `entry`; there is no end to those of the top.
+    pub(super) fn end(&self, entry: usize) -> u32 {
+        self.pulses.get(entry + 1).copied().unwrap_or(u32::MAX)
+    }
+
     /// The period of `entry` in ticks.
     pub(super) fn period(&self, entry: usize) -> u32 {
         self.periods[entry]

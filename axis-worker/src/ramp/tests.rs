@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use supersigma_config::{RampConfig, ShortMoves};
-use supersigma_protocol::{Distance, SpeedIndex};
+use supersigma_protocol::{Direction, Distance, SpeedIndex};
 
 use super::*;
 
@@ -182,6 +182,37 @@ proptest! {
     }
 
     #[test]
+    fn a_path_passes_joints_as_fast_as_they_and_the_curve_allow(
+        legs in prop::collection::vec((1_u16..=6_000, 0_u8..=232, 0_u8..=232), 1..=16),
+    ) {
+        let table = table(ShortMoves::Optimal);
+        let index = |index| SpeedIndex::new(index).expect("in range");
+        let legs: Vec<Leg> = legs
+            .into_iter()
+            .map(|(length, limit, joint)| Leg { distance: steps(length), limit: index(limit), joint: index(joint) })
+            .collect();
+        let plan = Plan::path(&table, &legs);
+        let total = legs.iter().map(|leg| leg.distance.steps().0).sum();
+        check(&plan, total, 3_077);
+        prop_assert_eq!(pulses_from_writes(&plan), pulses_from_plan(&plan));
+        let (mut before, mut apart) = (0, 0);
+        for (leg, next) in legs.iter().zip(legs.iter().skip(1).map(Some).chain([None])) {
+            let end = before + leg.distance.steps().0;
+            for pulse in before + 1..=end {
+                prop_assert!(plan.period(pulse) >= table.period(leg.limit), "under the ceiling");
+            }
+            if next.is_some() {
+                let slower = plan.period(end).max(plan.period(end + 1));
+                prop_assert!(slower >= table.period(leg.joint), "joint {} is passed too fast", end);
+            }
+            apart += Plan::fastest(&table, leg.distance, leg.limit).duration();
+            before = end;
+        }
+        prop_assert!(plan.duration() <= apart, "running on is never slower than stopping");
+        prop_assert!(plan.period(total) >= 2_914, "it ends slowly");
+    }
+
+    #[test]
     fn pulses_by_is_the_inverse_of_tick_of(length in 1_u16..=65_535, pulse in 1_u32..=65_535) {
         let table = table(ShortMoves::Optimal);
         let plan = Plan::ramped(&table, steps(length), SpeedIndex::TOP);
@@ -200,7 +231,8 @@ proptest! {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss, reason = "any tick will do")]
         let tick = (plan.duration() as f64 * part) as u64;
         let mut leader = plan.clone();
-        let mut follower = Schedule::on_line(plan, steps(own), steps(lead));
+        let share = Share { lead: steps(lead), own: Some((Direction::Forward, steps(own))) };
+        let mut follower = Schedule::shared(plan, &[share]);
         let stop = if steep { Stop::Brake } else { Stop::Halt };
         leader.stop(&table, tick, stop);
         follower.stop(&table, tick, stop);

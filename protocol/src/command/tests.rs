@@ -60,6 +60,8 @@ const GOLDENS: &[(&[u8], Address, Operation)] = &[
     (&[1, 0x0C], Address(1), Operation::Clear),
     (&[8, 0x0D], Address::DIGITAL_INPUT, Operation::ReadInputs),
     (&[9, 0x0E, 0x80, 0x01], Address::DIGITAL_OUTPUT, Operation::WriteOutputs { word: 0x8001 }),
+    (&[5, 0x21], Address(5), Operation::Rest),
+    (&[6, 0x22, 0x20], Address(6), Operation::Join { limit: speed(0x20) }),
 ];
 
 #[test]
@@ -72,7 +74,7 @@ fn every_op_code_has_its_bytes() {
     }
     let mut codes: Vec<_> = GOLDENS.iter().map(|(_, _, operation)| operation.code()).collect();
     codes.dedup();
-    assert_eq!(codes, (0x01..=0x0E).collect::<Vec<_>>(), "an op-code is missing above");
+    assert_eq!(codes, (0x01..=0x0E).chain([0x21, 0x22]).collect::<Vec<_>>(), "an op-code is missing above");
 }
 
 #[test]
@@ -88,6 +90,9 @@ fn what_is_wrong_is_named_in_the_order_of_the_bytes() {
         (&[1, 0x09, 0, 1, 2, 3], Refusal::WrongLength { op_code: 0x09, bytes: 6 }),
         (&[1, 0x84], Refusal::DirectionNotAllowed { op_code: 0x04 }),
         (&[1, 0x89, 0x00, 0x00], Refusal::DirectionNotAllowed { op_code: 0x09 }),
+        (&[1, 0xA2, 0x00], Refusal::DirectionNotAllowed { op_code: 0x22 }),
+        (&[1, 0x22, 0xE9], Refusal::SpeedOutOfRange { speed: 233 }),
+        (&[1, 0x22], Refusal::WrongLength { op_code: 0x22, bytes: 2 }),
         (&[9, 0x8E, 0x00, 0x00], Refusal::DirectionNotAllowed { op_code: 0x0E }),
         (&[1, 0x01, 0x00, 0x00], Refusal::ZeroSteps),
         (&[1, 0x02, 0x00, 0x00, 0xFF], Refusal::ZeroSteps),
@@ -120,6 +125,8 @@ fn any_operation() -> impl Strategy<Value = Operation> {
         (direction.clone(), distance.clone(), index.clone())
             .prop_map(|(direction, distance, speed)| Operation::Slew { direction, distance, speed }),
         Just(Operation::Originate),
+        Just(Operation::Rest),
+        index.clone().prop_map(|limit| Operation::Join { limit }),
         Just(Operation::Status),
         Just(Operation::Halt),
         Just(Operation::Brake),
@@ -188,6 +195,6 @@ fn every_address_and_op_code_decodes_or_is_refused() {
             }
         }
     }
-    // Addresses 0 to 7 take 8 directed forms (01, 02, 03 and 0A), Lead in 2, and 7 bare ones; 8 and 9 take 2 each.
-    assert_eq!(commands, 8 * (8 + 2 + 7) + 2 + 2);
+    // Addresses 0 to 7 take 8 directed forms (01, 02, 03 and 0A), Lead in 2, Join, and 8 bare ones; 8 and 9 take 2 each.
+    assert_eq!(commands, 8 * (8 + 2 + 1 + 8) + 2 + 2);
 }
