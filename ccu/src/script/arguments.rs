@@ -24,15 +24,15 @@ pub(super) enum Lines {
 
 /// An axis by its name or its number.
 pub(super) fn axis(knowledge: &Knowledge, value: &Dynamic) -> Result<AxisNumber, Trouble> {
-    let called = if let Ok(number) = value.as_int() {
-        number.to_string()
+    if let Ok(number) = value.as_int() {
+        let axis = knowledge.config.find_axis(&number.to_string());
+        axis.map(|axis| axis.address).ok_or_else(|| no_axis(knowledge, &number.to_string(), ""))
     } else if let Ok(name) = value.as_immutable_string_ref() {
-        name.to_string()
+        named_axis(knowledge, &name)
     } else {
         let found = describe(value);
-        return Err(Trouble::wrong(format!("an axis is a name or a number, not {found}")));
-    };
-    find_axis(knowledge, &called)
+        Err(Trouble::wrong(format!("an axis is a name or a number, not {found}")))
+    }
 }
 
 /// One axis or an array of them.
@@ -40,13 +40,13 @@ pub(super) fn axes(knowledge: &Knowledge, value: &Dynamic) -> Result<Vec<AxisNum
     let Ok(array) = value.as_array_ref() else {
         return Ok(vec![axis(knowledge, value)?]);
     };
-    let mut axes = Vec::with_capacity(array.len());
+    let mut named = Vec::with_capacity(array.len());
     for value in array.iter() {
         let axis = axis(knowledge, value)?;
-        once(knowledge, axes.iter(), axis)?;
-        axes.push(axis);
+        once(knowledge, named.iter(), axis)?;
+        named.push(axis);
     }
-    Ok(axes)
+    Ok(named)
 }
 
 /// A map of axes to whole numbers.
@@ -60,7 +60,7 @@ pub(super) fn parts(knowledge: &Knowledge, value: &Dynamic) -> Result<Vec<(AxisN
     };
     let mut parts = Vec::with_capacity(map.len());
     for (name, value) in map.iter() {
-        let axis = find_axis(knowledge, name)?;
+        let axis = named_axis(knowledge, name)?;
         once(knowledge, parts.iter().map(|(axis, _)| axis), axis)?;
         parts.push((axis, whole(name, value)?));
     }
@@ -153,8 +153,10 @@ pub(super) fn describe(value: &Dynamic) -> String {
         "a map".into()
     } else if let Ok(number) = value.as_float() {
         format!("the float {number:?}")
+    } else if value.is_unit() {
+        "()".into()
     } else {
-        // Whole numbers, true, false and () are best shown.
+        // Whole numbers, true and false are best shown.
         value.to_string()
     }
 }
@@ -175,12 +177,17 @@ pub(super) fn choose<'a>(wrong: &str, right: impl Iterator<Item = &'a str> + Clo
     }
 }
 
-fn find_axis(knowledge: &Knowledge, called: &str) -> Result<AxisNumber, Trouble> {
-    let axes = &knowledge.config.axes;
-    knowledge.config.find_axis(called).map(|axis| axis.address).ok_or_else(|| Trouble::Wrong {
-        message: format!("there is no axis {called:?}"),
-        help: Some(choose(called, axes.iter().map(|axis| axis.name.as_str()), "the axes are")),
-    })
+fn named_axis(knowledge: &Knowledge, name: &str) -> Result<AxisNumber, Trouble> {
+    let axis = knowledge.config.find_axis(name);
+    axis.map(|axis| axis.address).ok_or_else(|| no_axis(knowledge, &format!("{name:?}"), name))
+}
+
+fn no_axis(knowledge: &Knowledge, shown: &str, name: &str) -> Trouble {
+    let names = knowledge.config.axes.iter().map(|axis| axis.name.as_str());
+    Trouble::Wrong {
+        message: format!("there is no axis {shown}"),
+        help: Some(choose(name, names, "the axes are")),
+    }
 }
 
 fn once<'a>(

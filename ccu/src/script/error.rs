@@ -72,6 +72,8 @@ pub enum ScriptError {
     LimitReached {
         /// Which limit.
         message: String,
+        /// What to do about it.
+        help: String,
         /// Where it was.
         at: Box<Place>,
     },
@@ -127,18 +129,24 @@ impl ScriptError {
     /// What the parser says.
     pub(super) fn syntax(error: &ParseError, source: &NamedSource<Arc<str>>) -> Self {
         let at = Place::new(source, error.position(), &[], "here");
-        let help = match error.err_type() {
-            ParseErrorType::Reserved(word) => language::instead_of(word).map(str::to_owned),
-            ParseErrorType::BadInput(rhai::LexError::ImproperSymbol(word, _)) => {
-                language::instead_of(word).map(str::to_owned)
+        let word = at.word();
+        let said = lower_first(&error.err_type().to_string());
+        let (message, help) = match (language::instead_of(word), error.err_type()) {
+            (Some(advice), _) if word.starts_with(char::is_alphabetic) => {
+                (format!("there is no `{word}` in robot programs"), Some(advice.to_owned()))
             }
-            ParseErrorType::VariableUndefined(name) => Some(format!(
-                "declare it with `let`; axes, inputs and outputs are named in quotes: \"{name}\"; \
-                 a function sees its parameters, its own variables, and constants as `global::{name}`"
-            )),
-            _ => None,
+            (Some(advice), _) => (said, Some(advice.to_owned())),
+            (None, ParseErrorType::Reserved(_)) => (said, Some("choose another name".to_owned())),
+            (None, ParseErrorType::VariableUndefined(name)) => {
+                let help = format!(
+                    "declare it with `let`; axes, inputs and outputs are named in quotes: \"{name}\"; \
+                     a function sees its parameters, its own variables, and constants as `global::{name}`"
+                );
+                (said, Some(help))
+            }
+            _ => (said, None),
         };
-        Self::Syntax { message: lower_first(&error.err_type().to_string()), help, at: Box::new(at) }
+        Self::Syntax { message, help, at: Box::new(at) }
     }
 
     /// What the engine says of a run.
@@ -146,6 +154,9 @@ impl ScriptError {
         let (error, calls) = innermost(error);
         let position = error.position();
         let at = |label: &str| Box::new(Place::new(source, position, &calls, label));
+        if let Some((message, help)) = language::excess(&error) {
+            return Self::LimitReached { message, help, at: at("here") };
+        }
         match error {
             EvalAltResult::ErrorRuntime(thrown, _) | EvalAltResult::ErrorTerminated(thrown, _)
                 if thrown.is::<Trouble>() =>
@@ -176,19 +187,12 @@ impl ScriptError {
                 let (message, help) = no_such_call(&signature, ast);
                 Self::Script { message, help: Some(help), at: at("here") }
             }
-            EvalAltResult::ErrorTooManyOperations(..)
-            | EvalAltResult::ErrorTooManyVariables(..)
-            | EvalAltResult::ErrorTooManyModules(..)
-            | EvalAltResult::ErrorStackOverflow(..)
-            | EvalAltResult::ErrorDataTooLarge(..) => {
-                Self::LimitReached { message: said(error), at: at("here") }
-            }
             other => Self::Script { message: said(other), help: None, at: at("here") },
         }
     }
 
     fn of_trouble(trouble: Trouble, at: impl Fn(&str) -> Box<Place>) -> Self {
-        let (message, help) = (trouble.to_string(), trouble.help());
+        let message = trouble.to_string();
         match trouble {
             Trouble::Robot { failure, axis: Some(axis) } => Self::Robot { failure, at: at(&axis) },
             Trouble::Robot { failure: Failure::Cancelled, .. } | Trouble::Interrupted => {
@@ -196,7 +200,7 @@ impl ScriptError {
             }
             Trouble::Robot { failure, axis: None } => Self::Robot { failure, at: at("here") },
             Trouble::Timeout { .. } => Self::Timeout { message, at: at("here") },
-            Trouble::Wrong { .. } => Self::Script { message, help, at: at("here") },
+            Trouble::Wrong { message, help } => Self::Script { message, help, at: at("here") },
         }
     }
 }
@@ -209,7 +213,7 @@ impl Diagnostic for ScriptError {
             }
             Self::Robot { failure, .. } => return failure.help(),
             Self::Timeout { .. } => "look at what should have changed the input, or allow it more time",
-            Self::LimitReached { .. } => "the bounds keep a program from taking the machine; make it smaller",
+            Self::LimitReached { help, .. } => help,
             Self::Thrown { .. } | Self::Interrupted { .. } => return None,
         };
         Some(Box::new(fixed))
@@ -228,19 +232,27 @@ impl Place {
     /// `calls` are the calls that led there, the innermost last.
     fn new(source: &NamedSource<Arc<str>>, position: Position, calls: &[Position], label: &str) -> Self {
         let text = source.inner();
+        let here = offset(text, position);
         let primary =
-            span(text, position).map(|span| LabeledSpan::new_primary_with_span(Some(label.into()), span));
-        let mut called: Vec<SourceSpan> = calls.iter().filter_map(|call| span(text, *call)).collect();
+            here.map(|here| LabeledSpan::new_primary_with_span(Some(label.into()), span(text, here)));
+        let mut called: Vec<usize> = calls.iter().filter_map(|call| offset(text, *call)).collect();
         // A recursion calls from one place many times.
-        called.sort_by_key(SourceSpan::offset);
+        called.sort_unstable();
         called.dedup();
-        let called =
-            called.into_iter().map(|span| LabeledSpan::new_with_span(Some("called here".into()), span));
+        let called = called
+            .into_iter()
+            .map(|call| LabeledSpan::new_with_span(Some("called here".into()), span(text, call)));
         Self {
             source: source.clone(),
-            position: position.line().map(|line| (line, position.position().unwrap_or(1))),
+            position: here.map(|here| line_and_column(text, here)),
             labels: primary.into_iter().chain(called).collect(),
         }
+    }
+
+    /// The word or sign that stands there.
+    fn word(&self) -> &str {
+        let label = self.labels.first();
+        label.map_or("", |label| &self.source.inner()[label.offset()..label.offset() + label.len()])
     }
 
     /// What the text is called.
@@ -306,6 +318,9 @@ fn no_such_call(signature: &str, ast: &AST) -> (String, String) {
             "make both of one type, with `to_int()`, `to_float()` or `to_string()`".into(),
         );
     }
+    if let Some(advice) = language::instead_of(name) {
+        return (format!("there is no function `{name}`"), advice.to_owned());
+    }
     let own: Vec<(&str, Vec<&str>)> =
         ast.iter_functions().map(|function| (function.name, function.params)).collect();
     if let Some((_, parameters)) = own.iter().find(|(function, _)| *function == name) {
@@ -316,19 +331,32 @@ fn no_such_call(signature: &str, ast: &AST) -> (String, String) {
     }
     let functions = SIGNATURES.iter().map(|(function, _)| *function).chain(own.iter().map(|(name, _)| *name));
     (
-        format!("there is no function `{name}` for {types}"),
+        format!("there is no function `{name}` that takes {types}"),
         choose(name, functions, "the functions of the robot and of this program are"),
     )
 }
 
-/// The word or sign that begins at a position.
-fn span(text: &str, position: Position) -> Option<SourceSpan> {
+/// Where a position is in a text. What is missing at the end of a text is missing after its last visible character.
+fn offset(text: &str, position: Position) -> Option<usize> {
     let (line, column) = (position.line()?, position.position().unwrap_or(1));
     let start: usize = text.split_inclusive('\n').take(line - 1).map(str::len).sum();
     let line = text[start..].split('\n').next().unwrap_or("");
     let before = line.char_indices().nth(column - 1).map_or(line.len(), |(offset, _)| offset);
-    let rest = &line[before..];
+    let last = text.trim_end().char_indices().next_back().map_or(0, |(offset, _)| offset);
+    Some((start + before).min(last))
+}
+
+/// From 1, in characters.
+fn line_and_column(text: &str, offset: usize) -> (usize, usize) {
+    let before = &text[..offset];
+    let start = before.rfind('\n').map_or(0, |newline| newline + 1);
+    (before.matches('\n').count() + 1, before[start..].chars().count() + 1)
+}
+
+/// The word or sign that begins there.
+fn span(text: &str, offset: usize) -> SourceSpan {
+    let rest = &text[offset..];
     let word = rest.find(|letter: char| !letter.is_alphanumeric() && letter != '_').unwrap_or(rest.len());
     let sign = rest.chars().next().map_or(0, char::len_utf8);
-    Some(SourceSpan::from((start + before, word.max(sign))))
+    SourceSpan::from((offset, word.max(sign)))
 }

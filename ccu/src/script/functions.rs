@@ -3,7 +3,7 @@
 
 use std::sync::{Arc, Mutex};
 
-use rhai::{Dynamic, Engine, EvalAltResult};
+use rhai::{Array, Dynamic, Engine, EvalAltResult, ImmutableString};
 
 use super::lock;
 use super::robot::Robot;
@@ -63,6 +63,13 @@ pub(super) fn register(engine: &mut Engine, robot: Robot) {
     library.one("brake", |robot, axes| robot.brake(Some(axes)));
     library.none("clear", |robot| robot.clear(None));
     library.one("clear", |robot, axes| robot.clear(Some(axes)));
+    // The language empties strings and arrays with a function of this name, and prefers it for being more particular.
+    let clear =
+        |robot: &Arc<Mutex<Robot>>, axes: Dynamic| -> Called { Ok(lock(robot).clear(Some(&axes))?.into()) };
+    let robot = Arc::clone(&library.robot);
+    library.engine.register_fn("clear", move |axis: ImmutableString| clear(&robot, axis.into()));
+    let robot = Arc::clone(&library.robot);
+    library.engine.register_fn("clear", move |axes: Array| clear(&robot, axes.into()));
 }
 
 /// An engine, and the robot that its functions work on.
@@ -71,49 +78,45 @@ struct Library<'a> {
     robot: Arc<Mutex<Robot>>,
 }
 
-type Thrown = Box<EvalAltResult>;
+type Called = Result<Dynamic, Box<EvalAltResult>>;
 
 impl Library<'_> {
-    fn none<T: Send + Sync + Clone + 'static>(
-        &mut self,
-        name: &str,
-        act: fn(&mut Robot) -> Result<T, Trouble>,
-    ) {
+    fn none<T: Into<Dynamic> + 'static>(&mut self, name: &str, act: fn(&mut Robot) -> Result<T, Trouble>) {
         let robot = Arc::clone(&self.robot);
-        let call = move || -> Result<T, Thrown> { Ok(act(&mut lock(&robot))?) };
+        let call = move || -> Called { Ok(act(&mut lock(&robot))?.into()) };
         self.engine.register_fn(name, call);
     }
 
-    fn one<T: Send + Sync + Clone + 'static>(
+    fn one<T: Into<Dynamic> + 'static>(
         &mut self,
         name: &str,
         act: fn(&mut Robot, &Dynamic) -> Result<T, Trouble>,
     ) {
         let robot = Arc::clone(&self.robot);
-        let call = move |first: Dynamic| -> Result<T, Thrown> { Ok(act(&mut lock(&robot), &first)?) };
+        let call = move |first: Dynamic| -> Called { Ok(act(&mut lock(&robot), &first)?.into()) };
         self.engine.register_fn(name, call);
     }
 
-    fn two<T: Send + Sync + Clone + 'static>(
+    fn two<T: Into<Dynamic> + 'static>(
         &mut self,
         name: &str,
         act: fn(&mut Robot, &Dynamic, &Dynamic) -> Result<T, Trouble>,
     ) {
         let robot = Arc::clone(&self.robot);
-        let call = move |first: Dynamic, second: Dynamic| -> Result<T, Thrown> {
-            Ok(act(&mut lock(&robot), &first, &second)?)
+        let call = move |first: Dynamic, second: Dynamic| -> Called {
+            Ok(act(&mut lock(&robot), &first, &second)?.into())
         };
         self.engine.register_fn(name, call);
     }
 
-    fn three<T: Send + Sync + Clone + 'static>(
+    fn three<T: Into<Dynamic> + 'static>(
         &mut self,
         name: &str,
         act: fn(&mut Robot, &Dynamic, &Dynamic, &Dynamic) -> Result<T, Trouble>,
     ) {
         let robot = Arc::clone(&self.robot);
-        let call = move |first: Dynamic, second: Dynamic, third: Dynamic| -> Result<T, Thrown> {
-            Ok(act(&mut lock(&robot), &first, &second, &third)?)
+        let call = move |first: Dynamic, second: Dynamic, third: Dynamic| -> Called {
+            Ok(act(&mut lock(&robot), &first, &second, &third)?.into())
         };
         self.engine.register_fn(name, call);
     }

@@ -1,7 +1,6 @@
 //! What a function of the robot throws: a value that a script can catch and look at, and that keeps what it was made
 //! of, so that nothing is lost when nobody catches it.
 
-use miette::Diagnostic;
 use rhai::{Dynamic, Engine, EvalAltResult, Position};
 use serde_json::Value;
 
@@ -53,18 +52,6 @@ impl Trouble {
             Self::Timeout { .. } => "timeout".into(),
             Self::Wrong { .. } => "wrong_argument".into(),
             Self::Interrupted => "interrupted".into(),
-        }
-    }
-
-    /// What to do about it.
-    pub(super) fn help(&self) -> Option<String> {
-        match self {
-            Self::Robot { failure, .. } => failure.help().map(|help| help.to_string()),
-            Self::Timeout { .. } => {
-                Some("look at what should have closed the contact, or allow it more time".into())
-            }
-            Self::Wrong { help, .. } => help.clone(),
-            Self::Interrupted => None,
         }
     }
 

@@ -1,6 +1,7 @@
 //! A set in memory for these tests: real cards over virtual time, driven by the real executive.
 
 use std::collections::VecDeque;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
@@ -20,12 +21,14 @@ pub(super) struct Bench {
     heard: VecDeque<Heard>,
     /// An emergency input that will close.
     pub(super) emergency: Option<(Tick, AxisNumber, Alarm)>,
-    /// When the set is taken down.
-    pub(super) down: Option<Tick>,
+    /// A failure of the way to the set.
+    pub(super) failure: Option<(Tick, Failure)>,
+    /// Somebody who wants the program to end.
+    pub(super) stop: Option<(Tick, Arc<AtomicBool>)>,
 }
 
 impl Bench {
-    pub(super) fn new(config: Config) -> Self {
+    fn new(config: Config) -> Self {
         let knowledge = Knowledge::new(config).expect("good ramps");
         let config = &knowledge.config;
         let mut cards = vec![Card::digital(config)];
@@ -33,24 +36,27 @@ impl Bench {
             cards.push(Card::axis(config, axis.address).expect("a good ramp").expect("it exists"));
         }
         let (now, sequence, heard) = (Tick(0), Sequence(0), VecDeque::new());
-        Self { knowledge, cards, now, sequence, heard, emergency: None, down: None }
+        Self { knowledge, cards, now, sequence, heard, emergency: None, failure: None, stop: None }
     }
 
     /// The position of the carriage itself, in steps from where the limit switch opens.
-    pub(super) fn carriage(&self, name: &str) -> i32 {
+    fn carriage(&self, name: &str) -> i32 {
         let axis = self.knowledge.config.find_axis(name).expect("it exists");
         let card = self.cards.iter().find(|card| card.address() == axis.address.address()).expect("it plays");
         card.as_axis().expect("a motor card").mechanism().position().0
     }
 
-    pub(super) fn seconds(&self) -> f64 {
+    fn seconds(&self) -> f64 {
         self.now.since(Tick(0)).as_seconds()
     }
 
     /// The next tick at which anything happens.
     fn next(&self) -> Option<Tick> {
         let cards = self.cards.iter().filter_map(Card::next_event);
-        cards.chain(self.emergency.as_ref().map(|(tick, ..)| *tick)).chain(self.down).min()
+        let emergency = self.emergency.as_ref().map(|(tick, ..)| *tick);
+        let failure = self.failure.as_ref().map(|(tick, _)| *tick);
+        let stop = self.stop.as_ref().map(|(tick, _)| *tick);
+        cards.chain(emergency).chain(failure).chain(stop).min()
     }
 
     fn advance(&mut self, to: Tick) {
@@ -64,8 +70,8 @@ impl Bench {
             card.expect("it plays").emergency(alarm, &mut answers);
         }
         self.heard.extend(answers.into_iter().map(Heard::Answer));
-        if self.down.take_if(|tick| *tick <= to).is_some() {
-            self.heard.push_back(Heard::GoingDown);
+        if let Some((_, stop)) = self.stop.take_if(|(tick, _)| *tick <= to) {
+            stop.store(true, Ordering::Relaxed);
         }
     }
 }
@@ -99,6 +105,9 @@ impl Link for Bench {
         while self.heard.is_empty() && self.now < until {
             let next = self.next().unwrap_or(until).clamp(self.now, until);
             self.advance(next);
+            if let Some((_, failure)) = self.failure.take_if(|(tick, _)| *tick <= next) {
+                return Err(failure);
+            }
         }
         Ok(self.heard.pop_front())
     }
@@ -135,17 +144,14 @@ impl Watcher for Observer {
     fn print(&mut self, text: &str) {
         lock(&self.seen).printed.push(text.into());
         if self.stop_at == Some(text) {
-            self.limits.stop.store(true, std::sync::atomic::Ordering::Relaxed);
+            self.limits.stop.store(true, Ordering::Relaxed);
         }
     }
 }
 
 impl Rig {
     pub(super) fn new() -> Self {
-        Self::of(Bench::new(Config::default_set()))
-    }
-
-    pub(super) fn of(bench: Bench) -> Self {
+        let bench = Bench::new(Config::default_set());
         let knowledge = Arc::clone(&bench.knowledge);
         // Every test ends, even of a program that should have ended by itself.
         let limits = Limits { operations: Some(1_000_000), ..Limits::default() };
@@ -195,5 +201,13 @@ impl Rig {
 
     pub(super) fn seconds(&self) -> f64 {
         lock(&self.executive).link().seconds()
+    }
+
+    /// Has something happen `milliseconds` from now.
+    pub(super) fn later(&self, milliseconds: u64, plan: impl FnOnce(&mut Bench, Tick)) {
+        let mut executive = lock(&self.executive);
+        let bench = executive.link_mut();
+        let tick = bench.now + Ticks::from_millis(milliseconds);
+        plan(bench, tick);
     }
 }
