@@ -408,7 +408,8 @@ fn path(legs: &[(i32, i32, u8)], stop: Option<(u64, Operation)>) -> [Rig; 2] {
             let part = Distance::new(own.unsigned_abs().try_into().expect("small"))
                 .map_or(Operation::Rest, |distance| Operation::ArmLine { direction, distance });
             rig.command(part).expect("room");
-            rig.command(Operation::Join { limit: SpeedIndex::new(*joint).expect("in range") }).expect("armed");
+            rig.command(Operation::Join { limit: SpeedIndex::new(*joint).expect("in range") })
+                .expect("armed");
         }
         rig.command_at(Operation::Go, Some(start)).expect("armed");
         if let Some((after, operation)) = stop {
@@ -461,7 +462,8 @@ fn a_path_is_bounded_and_refused_leg_by_leg() {
 
     let long = Operation::Lead { distance: distance(40_000), limit: None };
     rig.command(long).expect("ready");
-    rig.command(Operation::ArmLine { direction: Direction::Forward, distance: distance(40_000) }).expect("ready");
+    rig.command(Operation::ArmLine { direction: Direction::Forward, distance: distance(40_000) })
+        .expect("ready");
     rig.command(long).expect("room");
     let back = Operation::ArmLine { direction: Direction::TowardsOrigin, distance: distance(40_000) };
     assert_eq!(rig.command(back), Err(Refusal::PathTooLong { steps: 80_000 }));

@@ -5,8 +5,8 @@ use axis_worker::{Axis, Sink};
 use serde::Serialize;
 use supersigma_config::{AxisConfig, RampConfig, RampError, ShortMoves};
 use supersigma_protocol::{
-    Activity, Answer, Command, Count, Direction, Distance, Operation, Position, Report, SpeedIndex, Steps,
-    Tick, Ticks,
+    Activity, Answer, AxisReport, Command, Count, Direction, Distance, Operation, Position, Report,
+    SpeedIndex, Steps, Tick, Ticks,
 };
 
 /// A count written to counter 0.
@@ -78,6 +78,7 @@ pub fn profile(axis: &AxisConfig, ramp: &RampConfig, wanted: Wanted) -> Result<P
     let start = machine.now();
     let mut record = Record { start, ..Record::default() };
     let _ = machine.deliver(Command::new(to, operation), None, &mut record);
+    record.note(machine.report());
     run_until_standing(&mut machine, &mut record);
     Ok(record.into_profile(wanted, ramp.short_moves))
 }
@@ -122,12 +123,8 @@ impl Sink for Record {
     const PULSES: bool = true;
 
     fn answer(&mut self, answer: Answer) {
-        let Report::Axis(report) = answer.report else { return };
-        if report.activity != Activity::Accelerating {
-            self.accelerated.get_or_insert(report.steps);
-        }
-        if matches!(report.activity, Activity::Decelerating | Activity::Creeping) {
-            self.decelerates.get_or_insert(report.steps);
+        if let Report::Axis(report) = answer.report {
+            self.note(report);
         }
     }
 
@@ -141,13 +138,20 @@ impl Sink for Record {
 }
 
 impl Record {
+    fn note(&mut self, report: AxisReport) {
+        if report.activity != Activity::Accelerating {
+            self.accelerated.get_or_insert(report.steps);
+        }
+        if matches!(report.activity, Activity::Decelerating | Activity::Creeping) {
+            self.decelerates.get_or_insert(report.steps);
+        }
+    }
+
     #[expect(clippy::cast_precision_loss, reason = "periods and the clock's frequency are small")]
     fn into_profile(self, wanted: Wanted, method: ShortMoves) -> Profile {
         let steps = wanted.distance.steps();
         let starts = std::iter::once(Ticks(0)).chain(self.pulses.iter().copied());
         let shortest = starts.zip(&self.pulses).map(|(begin, end)| end.0 - begin.0).min().unwrap_or(u64::MAX);
-        // A movement of one speed has no acceleration, and says nothing of its phases before it ends.
-        let constant = self.pulses.len() < 3 || wanted.constant;
         Profile {
             steps,
             method: match (wanted.constant, method) {
@@ -157,7 +161,7 @@ impl Record {
             },
             duration_ticks: self.pulses.last().copied().unwrap_or_default(),
             peak_speed: Tick::PER_SECOND as f64 / shortest as f64,
-            accel_steps: if constant { Steps(0) } else { self.accelerated.unwrap_or(steps) },
+            accel_steps: self.accelerated.unwrap_or(steps),
             decel_at: self.decelerates.unwrap_or(steps),
             loads: self.loads,
             pulses: Some(self.pulses),

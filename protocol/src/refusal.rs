@@ -127,7 +127,10 @@ mod tests {
         let cases = [
             (Refusal::TooShort { bytes: 1 }, "a command has 2 to 5 bytes, this one has 1"),
             (Refusal::WrongLength { op_code: 0x0A, bytes: 2 }, "op-code 0A does not come in 2 bytes"),
-            (Refusal::UnknownOpCode { op_code: 0x7F }, "op-code 7F is unknown (01 to 0E, 21 and 22 are known)"),
+            (
+                Refusal::UnknownOpCode { op_code: 0x7F },
+                "op-code 7F is unknown (01 to 0E, 21 and 22 are known)",
+            ),
             (
                 Refusal::SpeedOutOfRange { speed: 233 },
                 "speed 233 is above 232, the last entry of the ramp table",

@@ -317,7 +317,11 @@ impl Firmware {
     fn armable(&self) -> Result<(), Refusal> {
         match &self.state {
             State::Armed(armed) if armed.start.is_none() => {
-                if armed.legs.len() < LEGS { Ok(()) } else { Err(Refusal::PathFull) }
+                if armed.legs.len() < LEGS {
+                    Ok(())
+                } else {
+                    Err(Refusal::PathFull)
+                }
             }
             _ => self.standing(),
         }
@@ -336,7 +340,8 @@ impl Firmware {
                 return Err(Refusal::LongerThanLead { steps: distance.get(), lead: lead.distance.get() });
             }
             self.within_travel(&armed.shares, direction, distance, board)?;
-            let before: u32 = armed.shares.iter().filter_map(|share| share.own).map(|own| own.1.steps().0).sum();
+            let before: u32 =
+                armed.shares.iter().filter_map(|share| share.own).map(|own| own.1.steps().0).sum();
             let total = before + distance.steps().0;
             if total > Distance::MAX.steps().0 {
                 return Err(Refusal::PathTooLong { steps: total });
@@ -399,7 +404,8 @@ impl Firmware {
     fn begin_stage(&mut self, search: Search, board: &mut Board, sink: &mut impl Sink) {
         self.lead = None;
         if let Some((direction, plan)) = self.bounds.plan(search.stage, search.of_stage, &self.table) {
-            self.state = State::Searching(search, Movement::begin(Schedule::alone(plan, direction), board, sink));
+            self.state =
+                State::Searching(search, Movement::begin(Schedule::alone(plan, direction), board, sink));
         } else {
             self.alarm = Some(search.failure());
             self.base = None;

@@ -122,24 +122,28 @@ impl Plan {
         let mut passed = vec![0; legs.len() + 1];
         for (i, pair) in legs.windows(2).enumerate() {
             let [leg, next] = pair else { continue };
-            let allowed = up_to(leg.joint).min(up_to(leg.limit)).min(up_to(next.limit));
+            // The periods on both sides of a joint that is passed at k are those of the walk's pulse k + 1.
+            let joint = walk.not_faster_than(table.period(leg.joint)).saturating_sub(1);
+            let allowed = joint.min(up_to(leg.limit)).min(up_to(next.limit));
             passed[i + 1] = allowed.min(passed[i] + length(leg));
         }
         for (i, leg) in legs.iter().enumerate().rev() {
             passed[i] = passed[i].min(passed[i + 1] + length(leg));
         }
         let mut plan = Self::default();
-        for (leg, ends) in legs.iter().zip(passed.windows(2)) {
-            let &[from, to] = ends else { continue };
+        for (i, leg) in legs.iter().enumerate() {
+            let (from, to) = (passed[i], passed[i + 1]);
             let ceiling = up_to(leg.limit);
             let peak = ceiling.min((length(leg) + from + to) / 2);
-            let period = if peak == ceiling {
-                table.period(leg.limit)
-            } else {
-                // An odd pulse on the top may be a little faster than its neighbours; at a joint it may not.
-                let odd = if peak == 0 || peak > from.max(to) { peak + 1 } else { peak };
-                walk.period(walk.entry_of(odd))
-            };
+            let mut period =
+                if peak < ceiling { walk.period(walk.entry_of(peak + 1)) } else { table.period(leg.limit) };
+            // Where the top borders on a joint, it is no faster than that.
+            if peak == from && i > 0 {
+                period = period.max(table.period(legs[i - 1].joint));
+            }
+            if peak == to && i + 1 < legs.len() {
+                period = period.max(table.period(leg.joint));
+            }
             plan.ascend(walk, from, peak);
             plan.follow(length(leg) + from + to - 2 * peak, period, Phase::Cruising);
             plan.descend(walk, peak, to, Phase::Decelerating);

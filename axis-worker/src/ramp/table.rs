@@ -158,6 +158,12 @@ impl Walk {
         self.periods[entry]
     }
 
+    /// How many pulses of the walk have periods of at least `period`; no end to them if the top has.
+    pub(super) fn not_faster_than(&self, period: u32) -> u32 {
+        let entries = self.periods.partition_point(|other| *other >= period);
+        self.pulses.get(entries).copied().unwrap_or(u32::MAX)
+    }
+
     /// How many pulses of the walk have periods longer than `period`: those to walk back through, to stop from it.
     pub(super) fn slower_than(&self, period: u32) -> u32 {
         let entry = self.periods.partition_point(|longer| *longer > period);

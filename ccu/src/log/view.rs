@@ -245,6 +245,7 @@ fn command_view(frame: &Frame, command: &Broadcast, names: &AxisNames) -> Comman
         Ok(Operation::Lead { distance, limit }) => {
             (view.steps, view.speed) = (Some(distance.steps()), limit);
         }
+        Ok(Operation::Join { limit }) => view.speed = Some(limit),
         Ok(Operation::WriteOutputs { word }) => view.word = Some(word),
         Ok(
             Operation::Originate
@@ -253,6 +254,7 @@ fn command_view(frame: &Frame, command: &Broadcast, names: &AxisNames) -> Comman
             | Operation::Brake
             | Operation::SeekReference
             | Operation::Go
+            | Operation::Rest
             | Operation::Clear
             | Operation::ReadInputs,
         )

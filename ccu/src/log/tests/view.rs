@@ -48,7 +48,7 @@ fn bytes_that_are_no_command_in_json() {
             "kind": "command",
             "tick": 2_000_000, "time_s": 1.0, "sender": "ccu", "sequence": 0,
             "to": 0, "name": "everyone", "bytes": "00 7F",
-            "operation": null, "refusal": "op-code 7F is unknown (01 to 0E are known)",
+            "operation": null, "refusal": "op-code 7F is unknown (01 to 0E, 21 and 22 are known)",
             "direction": null, "steps": null, "speed": null, "word": null, "at": null,
         })
     );
@@ -151,7 +151,7 @@ fn lines_for_people() {
         "        seconds  from              to               what                          X1..5  steps position  activity",
         "      0.0000015  ccu             → left_x           #17 MoveLimited -2600 speed 90 at 2.5000005 s",
         "     10.0000000  ccu             → left_y           #18 Move +2",
-        "     10.0000005  ccu             → everyone         #19 [00 7F] not a command: op-code 7F is unknown (01 to 0E are known)",
+        "     10.0000005  ccu             → everyone         #19 [00 7F] not a command: op-code 7F is unknown (01 to 0E, 21 and 22 are known)",
         "      1.5000000  left_x          → ccu              heartbeat                     00010   2600      -17  standing",
         "      2.0000005  left_y          → ccu              refuses #0                    00010   2600      -17  standing           alarm: braked on command  refused: the position is unknown; originate first",
         "              -  ?               → ?                not a frame: 3 bytes too many [01 02]",
