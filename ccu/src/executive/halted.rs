@@ -4,7 +4,9 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use supersigma_protocol::{Activity, AxisNumber, AxisReport, Broadcast, Command, Operation, Report, Steps};
+use supersigma_protocol::{
+    Activity, Answer, AxisNumber, AxisReport, Broadcast, Command, Operation, Report, Steps,
+};
 
 use super::link::{Heard, Link};
 use super::request::{AxisState, Displacement, Failure, Leg, Movement, Outcome, Remainder, Request};
@@ -21,7 +23,8 @@ impl<L: Link> Executive<L> {
     /// # Errors
     /// As [`Operate::operate`]; a halt alone is none.
     pub fn operate_or_wait(&mut self, request: Request) -> Result<Outcome, Failure> {
-        let axes = moving(&request);
+        let asked = moving(&request);
+        let axes: Vec<_> = asked.keys().copied().collect();
         let mut made: BTreeMap<AxisNumber, Steps> = BTreeMap::new();
         let mut result = self.operate(request);
         while let Err(Failure::Stopped { .. }) = result {
@@ -36,7 +39,7 @@ impl<L: Link> Executive<L> {
         }
         match result? {
             Outcome::Moved(movements) => {
-                Ok(Outcome::Moved(movements.into_iter().map(|rest| whole(rest, &made)).collect()))
+                Ok(Outcome::Moved(movements.into_iter().map(|rest| whole(rest, &asked, &made)).collect()))
             }
             other => Ok(other),
         }
@@ -93,7 +96,7 @@ impl<L: Link> Executive<L> {
     /// Keeps what is left of a movement that has been halted.
     pub(super) fn leave_rest(&mut self, request: &Request) -> Result<(), Failure> {
         let (mut from, mut done) = (Vec::new(), BTreeMap::new());
-        for axis in moving(request) {
+        for axis in moving(request).into_keys() {
             let report = self.stand(axis)?;
             from.push((axis, report.position));
             done.insert(axis, report.steps);
@@ -123,14 +126,17 @@ impl<L: Link> Executive<L> {
     fn stand(&mut self, axis: AxisNumber) -> Result<AxisReport, Failure> {
         loop {
             let answer = self.command(axis, Operation::Status)?;
-            let Report::Axis(report) = answer.report else {
-                return Err(Failure::BusGone { reason: format!("{axis} answers like a digital card") });
-            };
-            if report.activity == Activity::Standing {
+            if let Some(report) = standing(axis, &answer) {
                 return Ok(report);
             }
             let until = self.link.now() + self.link.ticks(LOOK);
-            self.link.hear(until)?;
+            while let Some(heard) = self.link.hear(until)? {
+                if let Heard::Answer(answer) = heard
+                    && let Some(report) = standing(axis, &answer)
+                {
+                    return Ok(report);
+                }
+            }
         }
     }
 
@@ -157,20 +163,32 @@ impl<L: Link> Executive<L> {
     }
 }
 
-/// The axes that a request moves, if its rest can be made later. A search has no rest: it is begun anew.
-fn moving(request: &Request) -> Vec<AxisNumber> {
-    let of = |parts: &[(AxisNumber, Displacement)]| -> Vec<AxisNumber> {
-        parts.iter().filter(|(_, by)| by.0 != 0).map(|(axis, _)| *axis).collect()
+/// The axes that a request moves, and how far in all, if its rest can be made later. A search has no rest: it is begun
+/// anew.
+fn moving(request: &Request) -> BTreeMap<AxisNumber, Displacement> {
+    let mut axes = BTreeMap::new();
+    let mut add = |parts: &[(AxisNumber, Displacement)]| {
+        for (axis, by) in parts.iter().filter(|(_, by)| by.0 != 0) {
+            axes.entry(*axis).or_insert(Displacement(0)).0 += by.0;
+        }
     };
-    let mut axes = match request {
-        Request::Move { axis, .. } => vec![*axis],
-        Request::Line { parts, .. } => of(parts),
-        Request::Path { legs, .. } => legs.iter().flat_map(|leg| of(&leg.parts)).collect(),
-        _ => vec![],
-    };
-    axes.sort_unstable();
-    axes.dedup();
+    match request {
+        Request::Move { axis, by, .. } => add(&[(*axis, *by)]),
+        Request::Line { parts, .. } => add(parts),
+        Request::Path { legs, .. } => legs.iter().for_each(|leg| add(&leg.parts)),
+        _ => {}
+    }
     axes
+}
+
+/// What an answer says of an axis, if it is this one and stands.
+fn standing(axis: AxisNumber, answer: &Answer) -> Option<AxisReport> {
+    match answer.report {
+        Report::Axis(report) if answer.card == axis.address() && report.activity == Activity::Standing => {
+            Some(report)
+        }
+        _ => None,
+    }
 }
 
 /// The legs without what has been made of them.
@@ -189,7 +207,11 @@ fn remaining(legs: &[Leg], mut done: BTreeMap<AxisNumber, Steps>) -> Vec<Leg> {
 }
 
 /// A movement together with what was made of it before it was halted.
-fn whole(rest: Movement, made: &BTreeMap<AxisNumber, Steps>) -> Movement {
+fn whole(
+    rest: Movement,
+    asked: &BTreeMap<AxisNumber, Displacement>,
+    made: &BTreeMap<AxisNumber, Steps>,
+) -> Movement {
     let before = made.get(&rest.axis).copied().unwrap_or_default();
-    Movement { done: rest.done + before, ..rest }
+    Movement { asked: asked.get(&rest.axis).copied().or(rest.asked), done: rest.done + before, ..rest }
 }
