@@ -15,7 +15,7 @@ pub mod pit8253;
 pub mod ramp;
 pub mod worker;
 
-pub use axis::Axis;
+pub use axis::{Axis, AxisError};
 pub use board::{Board, Sink};
 pub use card::Card;
 pub use digital::Digital;

@@ -21,8 +21,9 @@ pub use document::KeyPath;
 pub use fault::{ConfigError, Fault};
 pub use load::DEFAULT_TOML;
 pub use model::{
-    AxisConfig, Config, DigitalConfig, ExecutiveConfig, InputConfig, LineConfig, LogConfig,
-    OriginationConfig, OutputConfig, RailConfig, RampConfig, ShortMoves, SupervisionConfig, TravelConfig,
+    AxisConfig, Config, DigitalConfig, ExecutiveConfig, Feedback, FollowingConfig, InputConfig, LineConfig,
+    LogConfig, OriginationConfig, OutputConfig, RailConfig, RampConfig, ShortMoves, SupervisionConfig,
+    TravelConfig,
 };
 pub use motor::{HALF_STEPS_PER_CYCLE, MotorConfig, MotorError};
 pub use problem::Problem;

@@ -183,6 +183,8 @@ prop_compose! {
             travel: TravelConfig { min: Position(max / 2), max: Position(max) },
             origination: OriginationConfig { speed: SpeedIndex::new(speed).expect("at most 90") },
             ramp: ramp.map(|(amplitude, offset)| RampConfig { amplitude, offset, ..RampConfig::default() }),
+            feedback: if motor.is_some() { Feedback::Closed } else { Feedback::Open },
+            following: FollowingConfig { s1: 20.0 + reach, ..FollowingConfig::default() },
             motor: motor.map(|(holding_torque, rotor_inertia)| MotorConfig { holding_torque, rotor_inertia, ..MotorConfig::bench() }),
         }
     }

@@ -107,6 +107,14 @@ Examples:
   ccu send 01 81 01 90                axis 1, 400 steps towards the origin
   ccu send 00 06                      halt everyone")]
     Send(ask::SendArgs),
+    /// Make a fault on purpose, to see what happens
+    #[command(after_help = "\
+Examples:
+  ccu inject left_x force                  the excessive-force input closes
+  ccu inject left_x limit                  the end-of-rail input closes
+  ccu inject left_x lost-steps=16          the next 16 pulses do not reach the motor
+  ccu inject left_x switch=open            the limit switch never closes (closed, free)")]
+    Inject(ask::InjectArgs),
     /// Show the frames of a log
     #[command(after_help = "Examples:\n  ccu frames run.mcap\n  ccu frames run.mcap --axis left_x --json")]
     Frames(FramesArgs),
@@ -190,6 +198,7 @@ impl Command {
             Self::Input(args) => ask::input(&args),
             Self::Output(args) => ask::output(&args),
             Self::Send(args) => ask::send(&args),
+            Self::Inject(args) => ask::inject(&args),
             Self::Frames(args) => frames(&args),
             Self::Profile(args) => profile::profile(&args),
             Self::Config(command) => config::config(&command),

@@ -11,8 +11,8 @@ use std::time::{Duration, Instant};
 use axis_worker::clock::Clock;
 use supersigma_protocol::bus::{BusError, Receive, Transmit, Wake, Waker};
 use supersigma_protocol::{
-    About, Address, Answer, Body, Broadcast, CardKind, Command, Frame, Occasion, Operation, Report, Sender,
-    Sequence, Tick, Ticks,
+    About, Address, Answer, AxisNumber, Body, Broadcast, CardKind, Command, Fault, Frame, Occasion,
+    Operation, Report, Sender, Sequence, Tick, Ticks,
 };
 
 use crate::executive::{Common, Failure, Heard, Knowledge, Link};
@@ -147,10 +147,13 @@ impl Exchange {
     pub(super) fn send(&self, broadcast: Broadcast) -> Result<Sequence, BusError> {
         let wake =
             broadcast.bytes.as_slice().first().map_or(Wake::Nobody, |address| Wake::Card(Address(*address)));
+        self.put(Body::Command(broadcast), wake)
+    }
+
+    fn put(&self, body: Body, wake: Wake) -> Result<Sequence, BusError> {
         let mut port = self.port();
         let sequence = port.sequence;
-        let frame =
-            Frame { sender: Sender::Ccu, sequence, tick: self.clock.now(), body: Body::Command(broadcast) };
+        let frame = Frame { sender: Sender::Ccu, sequence, tick: self.clock.now(), body };
         let Some((transmit, _)) = &mut port.ends else {
             return Err(BusError::Broken { what: "send", reason: "the CCU has left the bus".into() });
         };
@@ -353,6 +356,15 @@ impl Link for LiveLink {
     fn send(&mut self, broadcast: Broadcast) -> Result<Sequence, Failure> {
         self.check(&broadcast)?;
         self.exchange.send(broadcast).map_err(|error| Failure::BusGone { reason: error.to_string() })
+    }
+
+    fn inject(&mut self, axis: AxisNumber, fault: Fault) -> Result<Sequence, Failure> {
+        let card = axis.address();
+        if self.exchange.state().cards.get(&card).is_some_and(|life| !life.alive) {
+            return Err(Failure::WorkerGone { card });
+        }
+        let sent = self.exchange.put(Body::Fault(axis, fault), Wake::Card(card));
+        sent.map_err(|error| Failure::BusGone { reason: error.to_string() })
     }
 
     fn hear(&mut self, until: Tick) -> Result<Option<Heard>, Failure> {
