@@ -10,6 +10,7 @@ pub mod clock;
 mod digital;
 pub mod firmware;
 pub mod mechanism;
+pub mod motor;
 pub mod pit8253;
 pub mod ramp;
 pub mod worker;

@@ -17,7 +17,7 @@ use supersigma_protocol::{
     Answer, AxisNumber, Body, Broadcast, Frame, Occasion, Position, Sender, Sequence, Tick, Ticks,
 };
 
-use crate::executive::{Failure, Heard, Knowledge, Link};
+use crate::executive::{Common, Failure, Heard, Knowledge, Link};
 use crate::log::{LogError, LogHeader, LogSummary, LogWriter};
 
 /// Where pulses go.
@@ -77,6 +77,7 @@ impl<W: Write> PulseWriter for PulseCsv<W> {
 /// A set in virtual time.
 pub struct DrySet<P> {
     knowledge: Arc<Knowledge>,
+    common: Arc<Common>,
     now: Tick,
     transmit: InProcessTransmit,
     receive: InProcessReceive,
@@ -158,7 +159,18 @@ impl<P: PulseWriter> DrySet<P> {
             Ok(Seat { card, transmit, receive, sequence: Sequence(0), said })
         });
         let cards = seats.collect::<Result<_, BusError>>()?;
-        Ok(Self { knowledge, now: Tick(0), transmit, receive, sequence: Sequence(0), cards, pulses, log })
+        let common = Arc::default();
+        Ok(Self {
+            knowledge,
+            common,
+            now: Tick(0),
+            transmit,
+            receive,
+            sequence: Sequence(0),
+            cards,
+            pulses,
+            log,
+        })
     }
 
     /// The virtual time.
@@ -258,6 +270,13 @@ impl<P: PulseWriter> Link for DrySet<P> {
     fn ticks(&self, real: Duration) -> Ticks {
         TimeScale::REAL.ticks(real)
     }
+
+    fn common(&self) -> Arc<Common> {
+        Arc::clone(&self.common)
+    }
+
+    /// Nobody else is there.
+    fn tell_resume(&self) {}
 
     fn send(&mut self, broadcast: Broadcast) -> Result<Sequence, Failure> {
         let sequence = self.sequence;

@@ -9,6 +9,7 @@ mod document;
 mod fault;
 mod load;
 mod model;
+mod motor;
 mod problem;
 mod ramp;
 mod rules;
@@ -23,5 +24,6 @@ pub use model::{
     AxisConfig, Config, DigitalConfig, ExecutiveConfig, InputConfig, LineConfig, LogConfig,
     OriginationConfig, OutputConfig, RailConfig, RampConfig, ShortMoves, SupervisionConfig, TravelConfig,
 };
+pub use motor::{HALF_STEPS_PER_CYCLE, MotorConfig, MotorError};
 pub use problem::Problem;
 pub use ramp::{RampError, SPEEDS};

@@ -4,6 +4,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use supersigma_protocol::{AxisNumber, Position, SpeedIndex, Steps};
 
+use crate::MotorConfig;
+
 /// A whole set.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -168,6 +170,9 @@ pub struct AxisConfig {
     /// A ramp of its own. What it leaves out is as in the set's ramp.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ramp: Option<RampConfig>,
+    /// A motor that can lose steps. Without it the carriage makes every step that it is told to.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motor: Option<MotorConfig>,
 }
 
 /// A rail, in steps e from its lower stop (e = 0) to its upper one (e = length), as in \[F\] Fig 3.

@@ -92,6 +92,15 @@ pub(super) struct AxesArgs {
 }
 
 #[derive(Args)]
+pub(super) struct ResumeArgs {
+    #[command(flatten)]
+    set: SetArgs,
+    /// One JSON object a movement
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Args)]
 pub(super) struct StatusArgs {
     #[command(flatten)]
     set: SetArgs,
@@ -289,6 +298,10 @@ pub(super) fn reference(args: &ReferenceArgs) -> Result<(), Exit> {
 
 pub(super) fn halt(args: &AxesArgs) -> Result<(), Exit> {
     tell(args, |axes| Request::Halt { axes })
+}
+
+pub(super) fn resume(args: &ResumeArgs) -> Result<(), Exit> {
+    Asked::connect(&args.set)?.moved(Request::Resume, args.json)
 }
 
 pub(super) fn brake(args: &AxesArgs) -> Result<(), Exit> {

@@ -86,6 +86,8 @@ Examples:
     Reference(ask::ReferenceArgs),
     /// Stop axes with the normal ramp; positions are kept
     Halt(ask::AxesArgs),
+    /// Finish what was halted: the remaining steps, alone or on a line
+    Resume(ask::ResumeArgs),
     /// Stop axes with the steep ramp and lock them; positions are kept
     Brake(ask::AxesArgs),
     /// Acknowledge alarms, so that axes may move again
@@ -181,6 +183,7 @@ impl Command {
             Self::Origin(args) => ask::origin(&args),
             Self::Reference(args) => ask::reference(&args),
             Self::Halt(args) => ask::halt(&args),
+            Self::Resume(args) => ask::resume(&args),
             Self::Brake(args) => ask::brake(&args),
             Self::Clear(args) => ask::clear(&args),
             Self::Status(args) => ask::status(&args),

@@ -169,7 +169,12 @@ fn on_a_set_that_is_up(args: &RunArgs, program: &Program) -> Result<(), Exit> {
     });
     let teller = Teller::new(args.json, &knowledge);
     let (totals, began) = (teller.totals(), Instant::now());
-    program.run(Arc::new(Mutex::new(asked.client)), knowledge, teller, &Limits { operations: None, stop })?;
+    program.run(
+        Arc::new(Mutex::new(asked.client.of_a_program())),
+        knowledge,
+        teller,
+        &Limits { operations: None, stop },
+    )?;
     tell_summary(args.json, &totals, machine_time(began, scale), None)
 }
 
@@ -193,7 +198,7 @@ fn on_a_set_of_its_own(args: &RunArgs, home: &Home, program: &Program, source: S
             eprintln!("set {} is up in {took:.2} s: {} cards", home.name(), daemon.workers());
         }
         let began = Instant::now();
-        let client = Client::connect(home)?;
+        let client = Client::connect(home)?.of_a_program();
         let hang_up = client.hang_up()?;
         let (wanted_down, closer, flag) = (daemon.wanted_down(), daemon.closer(), Arc::clone(&stop));
         tokio::spawn(async move {

@@ -15,7 +15,7 @@ use supersigma_protocol::{
     Sequence, Tick, Ticks,
 };
 
-use crate::executive::{Failure, Heard, Knowledge, Link};
+use crate::executive::{Common, Failure, Heard, Knowledge, Link};
 
 /// How often the thread looks for what nobody woke it for: heartbeats.
 const LOOK: Duration = Duration::from_millis(50);
@@ -47,6 +47,7 @@ pub(super) struct Counts {
 /// The bus and what is known of its cards; shared by everybody in the daemon.
 pub(super) struct Exchange {
     knowledge: Arc<Knowledge>,
+    common: Arc<Common>,
     clock: Clock,
     port: Mutex<Port>,
     state: Mutex<State>,
@@ -82,6 +83,7 @@ impl Exchange {
     ) -> Result<(Arc<Self>, JoinHandle<()>), BusError> {
         let exchange = Arc::new(Self {
             knowledge,
+            common: Arc::default(),
             clock,
             port: Mutex::new(Port {
                 ends: Some((Box::new(transmit), receive.waker())),
@@ -338,6 +340,14 @@ impl Link for LiveLink {
 
     fn ticks(&self, real: Duration) -> Ticks {
         self.exchange.clock.scale().ticks(real)
+    }
+
+    fn common(&self) -> Arc<Common> {
+        Arc::clone(&self.exchange.common)
+    }
+
+    fn tell_resume(&self) {
+        self.exchange.state().tell(Heard::Resume);
     }
 
     fn send(&mut self, broadcast: Broadcast) -> Result<Sequence, Failure> {

@@ -2,7 +2,9 @@
 //! when each movement is due, and judges by the sense points whether it has come true. It moves nothing itself and
 //! reads no clock but its [`Link`]'s; a live set and a dry run are driven by this very code.
 
+mod halted;
 mod link;
+mod path;
 mod request;
 
 use std::time::Duration;
@@ -13,8 +15,10 @@ use supersigma_protocol::{
     Operation, Refusal, Report, Sequence, SpeedIndex, Tick, Ticks,
 };
 
-pub use link::{Heard, Knowledge, Link};
-pub use request::{AxisState, Displacement, Failure, Movement, MovementKind, Outcome, RawAnswer, Request};
+pub use link::{Common, Heard, Knowledge, Link};
+pub use request::{
+    AxisState, Displacement, Failure, Leg, Movement, MovementKind, Outcome, RawAnswer, Remainder, Request,
+};
 
 /// Somebody who carries out requests: an executive, or a client of one.
 pub trait Operate {
@@ -39,6 +43,8 @@ struct Underway {
     axis: AxisNumber,
     kind: MovementKind,
     asked: Option<Displacement>,
+    /// Pulses that make it complete, if that can be known.
+    steps: Option<u64>,
     /// When the card consented: what it says of a time before is not about this movement.
     since: Tick,
     start: Tick,
@@ -48,27 +54,11 @@ struct Underway {
 impl<L: Link> Operate for Executive<L> {
     fn operate(&mut self, request: Request) -> Result<Outcome, Failure> {
         self.heard.clear();
-        match request {
-            Request::Originate { axes } => {
-                let axes = self.link.knowledge().axes(&axes)?;
-                self.search(&axes, Operation::Originate, MovementKind::Origin)
-            }
-            Request::SeekReference { axis } => {
-                self.search(&[axis], Operation::SeekReference, MovementKind::Reference)
-            }
-            Request::Move { axis, by, speed, constant, wait } => {
-                self.movement(axis, by, speed, constant, wait)
-            }
-            Request::Line { parts, speed, wait } => self.line(&parts, speed, wait),
-            Request::Halt { axes } => self.tell(&axes, Operation::Halt),
-            Request::Brake { axes } => self.tell(&axes, Operation::Brake),
-            Request::Clear { axes } => self.tell(&axes, Operation::Clear),
-            Request::Status { axes } => self.status(&axes),
-            Request::Output { bit, on } => self.output(bit, on),
-            Request::Digital { card } => self.digital(card, Operation::Status).map(Outcome::Digital),
-            Request::Wait { ticks } => self.wait(ticks),
-            Request::Send { bytes } => self.raw(bytes),
+        let result = self.carry_out(&request);
+        if matches!(result, Err(Failure::Stopped { .. })) {
+            self.leave_rest(&request)?;
         }
+        result
     }
 }
 
@@ -76,6 +66,35 @@ impl<L: Link> Executive<L> {
     /// An executive over `link`.
     pub fn new(link: L) -> Self {
         Self { link, heard: Vec::new() }
+    }
+
+    fn carry_out(&mut self, request: &Request) -> Result<Outcome, Failure> {
+        match request {
+            Request::Originate { axes } => {
+                let axes = self.link.knowledge().axes(axes)?;
+                self.search(&axes, Operation::Originate, MovementKind::Origin)
+            }
+            Request::SeekReference { axis } => {
+                self.search(&[*axis], Operation::SeekReference, MovementKind::Reference)
+            }
+            Request::Move { axis, by, speed, constant, wait } => {
+                self.movement(*axis, *by, *speed, *constant, *wait)
+            }
+            Request::Line { parts, speed, wait } => {
+                let leg = Leg { parts: parts.clone(), speed: *speed };
+                self.path(&[leg], MovementKind::Line, *wait)
+            }
+            Request::Path { legs, wait } => self.path(legs, MovementKind::Path, *wait),
+            Request::Resume => self.resume(),
+            Request::Halt { axes } => self.stop(axes, Operation::Halt),
+            Request::Brake { axes } => self.stop(axes, Operation::Brake),
+            Request::Clear { axes } => self.tell(axes, Operation::Clear),
+            Request::Status { axes } => self.tell(axes, Operation::Status),
+            Request::Output { bit, on } => self.output(*bit, *on),
+            Request::Digital { card } => self.digital(*card, Operation::Status).map(Outcome::Digital),
+            Request::Wait { ticks } => self.wait(*ticks),
+            Request::Send { bytes } => self.raw(bytes.clone()),
+        }
     }
 
     /// Its link.
@@ -120,12 +139,21 @@ impl<L: Link> Executive<L> {
             _ => Plan::ramped(table, distance, limit.unwrap_or(SpeedIndex::TOP)),
         };
         let answer = self.command(axis, operation)?;
+        self.link.common().begin(&[axis]);
         if !wait {
             return Ok(Outcome::Done);
         }
         let start = answer.acted_at;
         let due = start + Ticks(plan.duration());
-        self.complete(&[Underway { axis, kind, asked: Some(by), since: start, start, due }])
+        self.complete(&[Underway {
+            axis,
+            kind,
+            asked: Some(by),
+            steps: Some(by.0.unsigned_abs()),
+            since: start,
+            start,
+            due,
+        }])
     }
 
     /// Origination or search for the reference step, of several axes at once.
@@ -151,90 +179,19 @@ impl<L: Link> Executive<L> {
                 * u64::from(table.period(SpeedIndex::START));
             let ramps = 2 * table.interval().0 * u64::from(SpeedIndex::TOP.get());
             let start = match self.command(*axis, operation) {
-                Ok(answer) => answer.acted_at,
+                Ok(answer) => {
+                    self.link.common().begin(&[*axis]);
+                    answer.acted_at
+                }
                 Err(failure) => {
                     self.halt(&underway)?;
                     return Err(failure);
                 }
             };
             let due = start + Ticks(approach + slow + ramps);
-            underway.push(Underway { axis: *axis, kind, asked: None, since: start, start, due });
+            underway.push(Underway { axis: *axis, kind, asked: None, steps: None, since: start, start, due });
         }
         self.complete(&underway)
-    }
-
-    /// A straight line: arm all, start all at one tick, wait for all.
-    fn line(
-        &mut self,
-        parts: &[(AxisNumber, Displacement)],
-        speed: Option<f64>,
-        wait: bool,
-    ) -> Result<Outcome, Failure> {
-        let mut moves = Vec::with_capacity(parts.len());
-        for (axis, by) in parts {
-            self.link.knowledge().table(*axis)?;
-            if let Some((direction, distance)) = by.split()? {
-                moves.push((*axis, *by, direction, distance));
-            }
-        }
-        let Some(&(leader, _, _, longest)) = moves.iter().max_by_key(|(.., distance)| *distance) else {
-            return Err(Failure::EmptyLine);
-        };
-        let limit = speed.map(|speed| self.speed(leader, speed)).transpose()?;
-        let table = self.link.knowledge().table(leader)?;
-        let duration = Ticks(Plan::ramped(table, longest, limit.unwrap_or(SpeedIndex::TOP)).duration());
-        let mut armed = Vec::with_capacity(moves.len());
-        for (axis, by, direction, distance) in moves {
-            let arming = self
-                .command(axis, Operation::Lead { distance: longest, limit })
-                .and_then(|_| self.command(axis, Operation::ArmLine { direction, distance }));
-            let since = match arming {
-                Ok(answer) => answer.acted_at,
-                Err(failure) => {
-                    self.halt(&armed)?;
-                    return Err(failure);
-                }
-            };
-            // Start and due time follow when all are armed.
-            armed.push(Underway {
-                axis,
-                kind: MovementKind::Line,
-                asked: Some(by),
-                since,
-                start: since,
-                due: since,
-            });
-        }
-        let start = self.start_together(&armed)?;
-        for underway in &mut armed {
-            (underway.start, underway.due) = (start, start + duration);
-        }
-        if wait { self.complete(&armed) } else { Ok(Outcome::Done) }
-    }
-
-    /// Names one start tick to all armed axes. Unless every one confirms it before half of the lead has passed, the
-    /// line is called off while there is still time, so that nobody moves.
-    fn start_together(&mut self, armed: &[Underway]) -> Result<Tick, Failure> {
-        let lead = Duration::from_millis(self.link.knowledge().config.line.lead_ms.into());
-        let now = self.link.now();
-        let (start, confirmed_by) = (now + self.link.ticks(lead), now + self.link.ticks(lead / 2));
-        let mut pending = Vec::with_capacity(armed.len());
-        for underway in armed {
-            let go = Command::new(underway.axis.address(), Operation::Go);
-            let sequence = self.link.send(Broadcast { at: Some(start), ..go.into() })?;
-            pending.push((underway.axis, sequence));
-        }
-        for (axis, sequence) in pending {
-            let confirmed = match self.answer_to(sequence, confirmed_by)? {
-                Some(answer) => refused(axis, &answer),
-                None => Err(Failure::NotConfirmed { axis }),
-            };
-            if let Err(failure) = confirmed {
-                self.halt(armed)?;
-                return Err(failure);
-            }
-        }
-        Ok(start)
     }
 
     fn halt(&mut self, underway: &[Underway]) -> Result<(), Failure> {
@@ -248,9 +205,15 @@ impl<L: Link> Executive<L> {
     fn complete(&mut self, underway: &[Underway]) -> Result<Outcome, Failure> {
         let result = self.watch(underway);
         match &result {
-            Err(Failure::Cancelled) => self.halt(underway)?,
+            // Whoever halts one axis of a line without the others would have these run on alone.
+            Err(Failure::Cancelled | Failure::Stopped { .. }) => self.halt(underway)?,
             // One axis of a line that stops by itself has left it; the others must not run on alone.
-            Err(_) if underway.len() > 1 && underway.iter().all(|one| one.kind == MovementKind::Line) => {
+            Err(_)
+                if underway.len() > 1
+                    && underway
+                        .iter()
+                        .all(|one| matches!(one.kind, MovementKind::Line | MovementKind::Path)) =>
+            {
                 for other in underway {
                     self.link.send(Command::new(other.axis.address(), Operation::Brake).into())?;
                 }
@@ -317,10 +280,6 @@ impl<L: Link> Executive<L> {
             states.push(AxisState { axis, report });
         }
         Ok(Outcome::Axes(states))
-    }
-
-    fn status(&mut self, axes: &[AxisNumber]) -> Result<Outcome, Failure> {
-        self.tell(axes, Operation::Status)
     }
 
     fn output(&mut self, bit: u8, on: bool) -> Result<Outcome, Failure> {
@@ -466,8 +425,8 @@ fn judge(one: &Underway, report: &AxisReport, acted_at: Tick) -> Result<Option<M
     if let Some(alarm) = alarm {
         return Err(Failure::Alarm { axis, alarm, done, position });
     }
-    let complete = match one.asked {
-        Some(asked) => u64::from(done.0) == asked.0.unsigned_abs(),
+    let complete = match one.steps {
+        Some(steps) => u64::from(done.0) == steps,
         None => position.is_some(),
     };
     if !complete {
@@ -486,6 +445,6 @@ fn bad_news(heard: Heard, underway: &[Underway]) -> Result<(), Failure> {
         Heard::NoLog => Err(Failure::NoLog),
         Heard::FramesLost(card, lost) => Err(Failure::FramesLost { card, lost }),
         Heard::GoingDown => Err(Failure::GoingDown),
-        Heard::WorkerGone(_) | Heard::Answer(_) => Ok(()),
+        Heard::WorkerGone(_) | Heard::Answer(_) | Heard::Resume => Ok(()),
     }
 }

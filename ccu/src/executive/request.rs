@@ -61,6 +61,15 @@ pub enum Request {
         /// Until it is complete.
         wait: bool,
     },
+    /// One line after the other, running on over the joints where the curve allows it.
+    Path {
+        /// The lines.
+        legs: Vec<Leg>,
+        /// Until it is complete.
+        wait: bool,
+    },
+    /// Finish what was halted.
+    Resume,
     /// Stop with the normal ramp.
     Halt {
         /// Which; none means all.
@@ -103,6 +112,24 @@ pub enum Request {
         /// They need not be right.
         bytes: CommandBytes,
     },
+}
+
+/// One line of a path.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Leg {
+    /// How far each axis goes; an axis that is not named stands.
+    pub parts: Vec<(AxisNumber, Displacement)>,
+    /// The ceiling of the leading axis in steps per second.
+    pub speed: Option<f64>,
+}
+
+/// What is left of a movement that was halted.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Remainder {
+    /// What finishes it.
+    pub request: Request,
+    /// Where the axes stood then; if they stand elsewhere, it makes no sense any more.
+    pub from: Vec<(AxisNumber, Option<Position>)>,
 }
 
 /// What came of a [`Request`].
@@ -150,6 +177,8 @@ pub enum MovementKind {
     Slew,
     /// As a part of a line.
     Line,
+    /// As a part of a path.
+    Path,
     /// Looking for the origin.
     Origin,
     /// Looking for the reference step.
@@ -162,6 +191,7 @@ impl std::fmt::Display for MovementKind {
             Self::Move => "move",
             Self::Slew => "slew",
             Self::Line => "line",
+            Self::Path => "path",
             Self::Origin => "origin",
             Self::Reference => "reference",
         })
@@ -224,7 +254,7 @@ pub enum Failure {
     },
     /// Somebody stopped the movement.
     #[error("{axis} was stopped after {done} steps, {}", place(*position))]
-    #[diagnostic(help("the steps are counted; move on from here, or originate if the position is unknown"))]
+    #[diagnostic(help("{}", if position.is_some() { "`ccu resume` makes the remaining steps" } else { "originate it, its position is lost" }))]
     Stopped {
         /// The axis.
         axis: AxisNumber,
@@ -301,6 +331,24 @@ pub enum Failure {
     /// A line of nothing.
     #[error("no axis of the line has any steps to make")]
     EmptyLine,
+    /// A line of axes that accelerate differently.
+    #[error("{one} and {other} have different ramps, so they cannot go on a line together")]
+    #[diagnostic(help("give them the same ramp in the configuration"))]
+    DifferentRamps {
+        /// An axis.
+        one: AxisNumber,
+        /// Another one.
+        other: AxisNumber,
+    },
+    /// Nothing was halted.
+    #[error("nothing was halted that could be resumed")]
+    NothingToResume,
+    /// An axis was moved since it was halted.
+    #[error("{axis} has been moved since it was halted, so the rest of its movement makes no sense")]
+    MovedMeanwhile {
+        /// The axis.
+        axis: AxisNumber,
+    },
     /// A speed that the axis' ramp does not have.
     #[error("{axis} cannot run at {asked} steps/s; its ramp goes from {slowest:.1} to {fastest:.1}")]
     SpeedOutOfRange {
@@ -349,6 +397,7 @@ impl Failure {
             Self::NoSuchAxis { .. }
             | Self::TooFar { .. }
             | Self::EmptyLine
+            | Self::DifferentRamps { .. }
             | Self::SpeedOutOfRange { .. } => 2,
             Self::BusGone { .. } | Self::NoSet { .. } | Self::Control { .. } | Self::GoingDown => 3,
             _ => 1,

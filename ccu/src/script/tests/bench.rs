@@ -9,7 +9,7 @@ use axis_worker::Card;
 use supersigma_config::Config;
 use supersigma_protocol::{Alarm, Answer, AxisNumber, Body, Broadcast, Frame, Sender, Sequence, Tick, Ticks};
 
-use crate::executive::{Executive, Failure, Heard, Knowledge, Link, Movement};
+use crate::executive::{Common, Executive, Failure, Heard, Knowledge, Link, Movement};
 use crate::script::{Limits, Program, ScriptError, Watcher, lock};
 
 /// Cards on one bus, all at the same tick.
@@ -18,6 +18,7 @@ pub(super) struct Bench {
     cards: Vec<Card>,
     now: Tick,
     sequence: Sequence,
+    common: Arc<Common>,
     heard: VecDeque<Heard>,
     /// An emergency input that will close.
     pub(super) emergency: Option<(Tick, AxisNumber, Alarm)>,
@@ -36,7 +37,8 @@ impl Bench {
             cards.push(Card::axis(config, axis.address).expect("a good ramp").expect("it exists"));
         }
         let (now, sequence, heard) = (Tick(0), Sequence(0), VecDeque::new());
-        Self { knowledge, cards, now, sequence, heard, emergency: None, failure: None, stop: None }
+        let common = Arc::default();
+        Self { knowledge, common, cards, now, sequence, heard, emergency: None, failure: None, stop: None }
     }
 
     /// The position of the carriage itself, in steps from where the limit switch opens.
@@ -88,6 +90,12 @@ impl Link for Bench {
     fn ticks(&self, real: Duration) -> Ticks {
         Ticks::from_millis(u64::try_from(real.as_millis()).expect("a short time"))
     }
+
+    fn common(&self) -> Arc<Common> {
+        Arc::clone(&self.common)
+    }
+
+    fn tell_resume(&self) {}
 
     fn send(&mut self, broadcast: Broadcast) -> Result<Sequence, Failure> {
         let sequence = self.sequence;
