@@ -190,7 +190,8 @@ fn on_a_set_of_its_own(args: &RunArgs, home: &Home, program: &Program, source: S
         let daemon = Daemon::start(options)?;
         if !args.json {
             let took = began_to_start.elapsed().as_secs_f64();
-            eprintln!("set {} is up in {took:.2} s: {} cards", home.name(), daemon.workers());
+            let (name, workers) = (home.name(), daemon.workers());
+            let _ = writeln!(io::stderr(), "set {name} is up in {took:.2} s: {workers} cards");
         }
         let began = Instant::now();
         let client = Client::connect(home)?;
@@ -214,7 +215,7 @@ fn on_a_set_of_its_own(args: &RunArgs, home: &Home, program: &Program, source: S
             Ok(()) => tell_summary(args.json, &totals, elapsed, Some(&report)),
             Err(error) => {
                 if !args.json {
-                    set::down_line(&report, &mut io::stderr())?;
+                    let _ = set::down_line(&report, &mut io::stderr());
                 }
                 Err(error.into())
             }
