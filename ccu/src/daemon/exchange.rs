@@ -304,7 +304,7 @@ pub(super) struct LiveLink {
 impl LiveLink {
     /// Forgets what was heard before a new request.
     pub(super) fn forget(&self) {
-        while self.heard.try_recv().is_ok_and(|heard| heard != Heard::GoingDown) {}
+        while self.heard.try_recv().is_ok() {}
     }
 
     /// Moves need a log and living cards; stopping and asking do not.
@@ -361,6 +361,10 @@ impl Link for LiveLink {
             match self.heard.recv_timeout(left.min(LOOK)) {
                 Ok(heard) => return Ok(Some(heard)),
                 Err(RecvTimeoutError::Timeout) if left <= LOOK => return Ok(None),
+                // It may have been told, and forgotten, just before the request began.
+                Err(RecvTimeoutError::Timeout) if self.exchange.state().going_down => {
+                    return Err(Failure::GoingDown);
+                }
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return Err(Failure::GoingDown),
             }
