@@ -24,7 +24,7 @@ use crate::daemon::{Daemon, Options};
 use crate::dry::{DryError, DrySet, NoPulses, PulseCsv, PulseWriter};
 use crate::executive::{Executive, Failure, Knowledge, Movement};
 use crate::home::Home;
-use crate::log::{AxisNames, LogHeader, Timeline, WallTime};
+use crate::log::{AxisNames, LogError, LogHeader, Timeline, WallTime};
 use crate::script::{Limits, Program, ScriptError, Watcher};
 
 /// How long a rehearsal may take, in real time, and how many operations of the language.
@@ -349,7 +349,11 @@ fn machine_time(began: Instant, scale: f64) -> Ticks {
 }
 
 fn dry_error(error: &DryError) -> Exit {
-    Exit::could_not(miette!("{error}"))
+    match error {
+        // As `ccu up` and a run on a set have it.
+        DryError::Log(LogError::Exists { .. }) => Exit::wrong(miette!("{error}")),
+        _ => Exit::could_not(miette!("{error}")),
+    }
 }
 
 impl From<ScriptError> for Exit {
