@@ -473,8 +473,10 @@ pub(super) fn send(args: &SendArgs) -> Result<(), Exit> {
         }
     }
     out.flush()?;
+    // Said to everyone, it is done if anybody has done it.
+    let done = answers.iter().any(|answer| answer.result.is_ok());
     match answers.iter().find_map(|answer| answer.result.err()) {
-        Some(refusal) if answers.len() == 1 => Err(Exit::could_not(miette!("refused: {refusal}"))),
+        Some(refusal) if !done => Err(Exit::could_not(miette!("refused: {refusal}"))),
         _ => Ok(()),
     }
 }
