@@ -21,6 +21,10 @@ use crate::motor::{Detent, Encoder, Rotor, SenseDiscriminator};
 /// How often a rotor that swings out is looked at.
 const LOOK: Ticks = Ticks::from_millis(1);
 
+/// In so many looks, one after the other, a shaft must be slower than S1 to count as standing: a rotor that swings is slow
+/// at both ends of each swing.
+const SLOW_LOOKS: u8 = 5;
+
 /// A motor, its carriage and its rail.
 #[derive(Debug, Clone)]
 pub struct Mechanism {
@@ -34,6 +38,8 @@ pub struct Mechanism {
     lost: u32,
     /// Whether the rotor still moved when it was looked at last.
     swings: bool,
+    /// In how many looks, one after the other, it was slower than S1.
+    slow_looks: u8,
 }
 
 /// The places along a rail.
@@ -139,7 +145,16 @@ impl Mechanism {
         };
         let detectors = rail.detectors(start.0, Switch::Free, axis.motor.is_some());
         let s1 = axis.following.s1;
-        Ok(Self { rail, drive, detectors, s1, switch: Switch::Free, lost: 0, swings: false })
+        Ok(Self {
+            rail,
+            drive,
+            detectors,
+            s1,
+            switch: Switch::Free,
+            lost: 0,
+            swings: false,
+            slow_looks: SLOW_LOOKS,
+        })
     }
 
     /// The step e at which the carriage stands.
@@ -188,15 +203,17 @@ impl Mechanism {
 
     /// Lets a rotor turn until `now`, and looks at the detectors.
     pub(crate) fn look(&mut self, now: Tick) {
-        let slow = match &mut self.drive {
-            Drive::Ideal(_) => false,
-            Drive::Rotor(shaft) => {
-                shaft.advance(now);
-                self.swings = !shaft.rotor.is_at_rest();
-                shaft.rotor.motion().speed.abs() < self.s1
-            }
-        };
-        self.detectors = self.rail.detectors(self.carriage(), self.switch, slow);
+        if let Drive::Rotor(shaft) = &mut self.drive {
+            shaft.advance(now);
+            self.swings = !shaft.rotor.is_at_rest();
+            let slow = shaft.rotor.motion().speed.abs() < self.s1;
+            self.slow_looks = match slow {
+                _ if !self.swings => SLOW_LOOKS,
+                true => (self.slow_looks + 1).min(SLOW_LOOKS),
+                false => 0,
+            };
+        }
+        self.read_detectors();
     }
 
     /// Makes `pulses` steps at `now`; at a stop the carriage stays where it is and the motor slips. Rotors take one at a time.
@@ -216,9 +233,15 @@ impl Mechanism {
                 for _ in 0..pulses {
                     shaft.rotor.pulse(direction);
                 }
+                self.swings = true;
             }
         }
-        self.look(now);
+        self.read_detectors();
+    }
+
+    fn read_detectors(&mut self) {
+        let slow = self.has_rotor() && self.slow_looks == SLOW_LOOKS;
+        self.detectors = self.rail.detectors(self.carriage(), self.switch, slow);
     }
 
     /// After how many pulses in `direction` a detector changes next, if every pulse is a step; `None` if none does before

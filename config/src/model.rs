@@ -109,11 +109,14 @@ pub struct ExecutiveConfig {
     /// Real milliseconds beyond the planned end after which a movement is overdue.
     #[schemars(range(min = 1))]
     pub overdue_ms: u32,
+    /// Whether a movement that is overdue, or whose shaft did not follow, is tried again, and then once more from the
+    /// reference step.
+    pub recover: bool,
 }
 
 impl Default for ExecutiveConfig {
     fn default() -> Self {
-        Self { answer_ms: 500, overdue_ms: 500 }
+        Self { answer_ms: 500, overdue_ms: 500, recover: true }
     }
 }
 

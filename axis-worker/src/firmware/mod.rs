@@ -306,8 +306,11 @@ impl Firmware {
             }
         };
         let (steps, position) = match (&self.servo, &self.state) {
-            (Some(servo), State::Standing | State::Moving(_) | State::Settling(_)) => {
+            (Some(servo), State::Moving(_) | State::Settling(_)) => {
                 servo.measured(board).map_or((steps, position), |(steps, position)| (steps, Some(position)))
+            }
+            (Some(servo), State::Standing) => {
+                (steps, servo.measured(board).map_or(position, |(_, position)| Some(position)))
             }
             _ => (steps, position),
         };

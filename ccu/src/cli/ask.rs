@@ -130,7 +130,6 @@ pub(super) struct OutputArgs {
     #[command(flatten)]
     set: SetArgs,
     /// The line, by number (0 to 15) or name; all named ones are shown if none is given
-    #[arg(requires = "level")]
     line: Option<String>,
     /// Its level
     level: Option<Level>,
@@ -259,15 +258,22 @@ impl Asked {
     /// Carries out something that moves axes, and prints a line a movement.
     fn moved(&mut self, request: Request, json: bool) -> Result<(), Exit> {
         let outcome = self.client.operate(request)?;
+        self.tell_outcome(&outcome, json)
+    }
+
+    /// Prints a line a movement.
+    fn tell_outcome(&self, outcome: &Outcome, json: bool) -> Result<(), Exit> {
         let knowledge = Knowledge::new(self.config.clone())
             .map_err(|error| Failure::Control { reason: error.to_string() })?;
         let mut out = BufWriter::new(io::stdout().lock());
         match outcome {
             Outcome::Moved(movements) => {
-                if !json && !movements.is_empty() {
+                if !json && movements.is_empty() {
+                    writeln!(out, "nothing to move")?;
+                } else if !json {
                     writeln!(out, "{}", show::movement_title())?;
                 }
-                for movement in &movements {
+                for movement in movements {
                     if json {
                         show::print_json(&show::MovementView::new(movement, &knowledge), &mut out)?;
                     } else {
@@ -327,7 +333,15 @@ pub(super) fn halt(args: &AxesArgs) -> Result<(), Exit> {
 }
 
 pub(super) fn resume(args: &ResumeArgs) -> Result<(), Exit> {
-    Asked::connect(&args.set)?.moved(Request::Resume, args.json)
+    let mut asked = Asked::connect(&args.set)?;
+    match asked.client.operate(Request::Resume)? {
+        // Only programs waited; they tell of their movements themselves.
+        Outcome::Moved(movements) if movements.is_empty() && !args.json => {
+            println!("the program goes on");
+            Ok(())
+        }
+        outcome => asked.tell_outcome(&outcome, args.json),
+    }
 }
 
 pub(super) fn brake(args: &AxesArgs) -> Result<(), Exit> {

@@ -76,7 +76,7 @@ Examples:
     /// Move several axes on a straight line: they start together and end together
     #[command(after_help = "\
 Examples:
-  ccu line left_x=7919 left_y=-13
+  ccu line left_x=7919 left_y=13
   ccu line 1=400 2=300 3=-100 --speed 5000")]
     Line(ask::LineArgs),
     /// Find the origin of axes: back to the limit switch, forward until it opens

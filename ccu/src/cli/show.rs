@@ -1,12 +1,13 @@
 //! What commands print: aligned, with units, for people; JSON with stable keys for programs. Nothing is decided here.
 
+use std::fmt::Write as _;
 use std::io::{self, IsTerminal, Write};
 
 use serde::Serialize;
 use supersigma_config::Config;
 use supersigma_protocol::{AxisReport, Deviation};
 
-use crate::executive::{AxisState, Knowledge, Movement, MovementKind};
+use crate::executive::{AxisState, Knowledge, Movement, MovementKind, Recovery};
 
 /// A movement, for programs.
 #[derive(Debug, Serialize)]
@@ -21,6 +22,7 @@ pub(super) struct MovementView<'a> {
     seconds: f64,
     position: Option<i32>,
     lost: Option<i32>,
+    recovered: Option<Recovery>,
 }
 
 impl<'a> MovementView<'a> {
@@ -36,6 +38,7 @@ impl<'a> MovementView<'a> {
             seconds: movement.took.as_seconds(),
             position: movement.position.map(|position| position.0),
             lost: movement.lost.map(|lost| lost.0),
+            recovered: movement.recovered,
         }
     }
 }
@@ -52,12 +55,15 @@ pub(super) fn movement_title() -> String {
 pub(super) fn movement_line(movement: &Movement, knowledge: &Knowledge) -> String {
     let asked = movement.asked.map_or_else(|| "-".into(), |asked| format!("{:+}", asked.0));
     let position = movement.position.map_or_else(|| "unknown".into(), |position| position.to_string());
-    let lost = match movement.lost {
-        Some(Deviation(0)) | None => String::new(),
-        Some(Deviation(lost)) => format!("  {lost:+} steps from where it was believed to be"),
-    };
+    let mut notes = String::new();
+    if let Some(Deviation(lost @ (..=-1 | 1..))) = movement.lost {
+        let _ = write!(notes, "  {lost:+} steps from where it was believed to be");
+    }
+    if let Some(recovered) = movement.recovered {
+        let _ = write!(notes, "  {recovered}");
+    }
     format!(
-        "{:<12} {:<9} {:>8} {:>8}  {:<6} {:>9.3}  {:>9}{lost}",
+        "{:<12} {:<9} {:>8} {:>8}  {:<6} {:>9.3}  {:>9}{notes}",
         knowledge.name(movement.axis),
         movement.kind,
         asked,

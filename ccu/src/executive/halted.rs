@@ -123,7 +123,7 @@ impl<L: Link> Executive<L> {
     }
 
     /// Waits until an axis stands.
-    fn stand(&mut self, axis: AxisNumber) -> Result<AxisReport, Failure> {
+    pub(super) fn stand(&mut self, axis: AxisNumber) -> Result<AxisReport, Failure> {
         loop {
             let answer = self.command(axis, Operation::Status)?;
             if let Some(report) = standing(axis, &answer) {

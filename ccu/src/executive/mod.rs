@@ -5,7 +5,10 @@
 mod halted;
 mod link;
 mod path;
+mod recovery;
 mod request;
+#[cfg(test)]
+mod tests;
 
 use std::time::Duration;
 
@@ -17,7 +20,8 @@ use supersigma_protocol::{
 
 pub use link::{Common, Heard, Knowledge, Link};
 pub use request::{
-    AxisState, Displacement, Failure, Leg, Movement, MovementKind, Outcome, RawAnswer, Remainder, Request,
+    AxisState, Displacement, Failure, Leg, Movement, MovementKind, Outcome, RawAnswer, Recovery, Remainder,
+    Request,
 };
 
 /// Somebody who carries out requests: an executive, or a client of one.
@@ -37,6 +41,9 @@ pub struct Executive<L> {
     heard: Vec<Heard>,
 }
 
+/// How often the sense points are looked at between the due time of a movement and the time at which it is overdue.
+const LOOKS: u64 = 8;
+
 /// A movement that has been commanded.
 #[derive(Debug, Clone, Copy)]
 struct Underway {
@@ -54,7 +61,7 @@ struct Underway {
 impl<L: Link> Operate for Executive<L> {
     fn operate(&mut self, request: Request) -> Result<Outcome, Failure> {
         self.heard.clear();
-        let result = self.carry_out(&request);
+        let result = self.carry_out(&request).or_else(|failure| self.recover(&request, failure));
         if matches!(result, Err(Failure::Stopped { .. })) {
             self.leave_rest(&request)?;
         }
@@ -227,6 +234,7 @@ impl<L: Link> Executive<L> {
     fn watch(&mut self, underway: &[Underway]) -> Result<Outcome, Failure> {
         let margin_ms = self.link.knowledge().config.executive.overdue_ms;
         let margin = self.link.ticks(Duration::from_millis(margin_ms.into()));
+        let margin_part = Ticks(margin.0 / LOOKS);
         let mut over: Vec<Option<Movement>> = vec![None; underway.len()];
         loop {
             let waiting = underway.iter().zip(&over).filter(|(_, over)| over.is_none());
@@ -235,12 +243,17 @@ impl<L: Link> Executive<L> {
             else {
                 return Ok(Outcome::Moved(over.into_iter().flatten().collect()));
             };
-            let Some(heard) = self.hear(deadline)? else {
-                // Overdue. It may have ended and the news got lost: ask.
+            // Up to the due time its end is told; from then on the sense points are looked at, more and more often.
+            let look = if self.link.now() < next.due { next.due } else { self.link.now() + margin_part };
+            let Some(heard) = self.hear(look.min(deadline))? else {
+                // It may have ended and the news got lost: ask.
                 let answer = self.command(next.axis, Operation::Status)?;
                 if let Report::Axis(report) = answer.report
                     && report.activity != Activity::Standing
                 {
+                    if self.link.now() < deadline {
+                        continue;
+                    }
                     let failure =
                         Failure::Overdue { axis: next.axis, milliseconds: margin_ms, done: report.steps };
                     return Err(failure);
@@ -442,7 +455,17 @@ fn judge(one: &Underway, report: &AxisReport, acted_at: Tick) -> Result<Option<M
         return Err(Failure::Stopped { axis, done, position });
     }
     let took = acted_at.since(one.start);
-    Ok(Some(Movement { axis, kind: one.kind, asked: one.asked, done, sense, took, position, lost }))
+    Ok(Some(Movement {
+        axis,
+        kind: one.kind,
+        asked: one.asked,
+        done,
+        sense,
+        took,
+        position,
+        lost,
+        recovered: None,
+    }))
 }
 
 /// What is not an answer ends the waiting if it concerns one of these movements.

@@ -174,6 +174,27 @@ pub struct Movement {
     pub position: Option<Position>,
     /// For a search: by how much the axis stood off from where it was believed to be.
     pub lost: Option<Deviation>,
+    /// What it took to get there, if it did not go well at once.
+    pub recovered: Option<Recovery>,
+}
+
+/// What the executive did about a movement that had failed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Recovery {
+    /// It made the rest of the movement.
+    TriedAgain,
+    /// It found the reference step anew, and went to the target from there.
+    SoughtReference,
+}
+
+impl std::fmt::Display for Recovery {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::TriedAgain => "tried again",
+            Self::SoughtReference => "sought the reference step",
+        })
+    }
 }
 
 /// Kinds of movements.
@@ -291,6 +312,19 @@ pub enum Failure {
         milliseconds: u32,
         /// Pulses made.
         done: Steps,
+    },
+    /// Nothing that the executive tried has helped.
+    #[error("{axis} does not get there: {reason}; tried: {tried}")]
+    #[diagnostic(help(
+        "look at the axis; nothing moves it until it is cleared (`ccu clear`) and originated (`ccu origin`)"
+    ))]
+    GaveUp {
+        /// The axis.
+        axis: AxisNumber,
+        /// What went wrong in the end.
+        reason: String,
+        /// What was tried, in order.
+        tried: String,
     },
     /// A line could not be started on all axes in time.
     #[error("the line was not started: {axis} did not confirm the start in time; nobody moved")]
