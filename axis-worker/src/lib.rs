@@ -10,11 +10,12 @@ pub mod clock;
 mod digital;
 pub mod firmware;
 pub mod mechanism;
+pub mod motor;
 pub mod pit8253;
 pub mod ramp;
 pub mod worker;
 
-pub use axis::Axis;
+pub use axis::{Axis, AxisError};
 pub use board::{Board, Sink};
 pub use card::Card;
 pub use digital::Digital;

@@ -9,12 +9,11 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use axis_worker::clock::TimeScale;
-use axis_worker::{Card, Sink};
-use supersigma_config::RampError;
+use axis_worker::{AxisError, Card, Sink};
 use supersigma_protocol::bus::in_process::{InProcessBus, InProcessReceive, InProcessTap, InProcessTransmit};
 use supersigma_protocol::bus::{Bus, BusError, Receive, Tap, Transmit, Wake};
 use supersigma_protocol::{
-    Answer, AxisNumber, Body, Broadcast, Frame, Occasion, Position, Sender, Sequence, Tick, Ticks,
+    Answer, AxisNumber, Body, Broadcast, Fault, Frame, Occasion, Position, Sender, Sequence, Tick, Ticks,
 };
 
 use crate::executive::{Common, Failure, Heard, Knowledge, Link};
@@ -118,9 +117,9 @@ impl<P: PulseWriter> Sink for Said<P> {
 /// Why a dry run cannot begin or end.
 #[derive(Debug, thiserror::Error)]
 pub enum DryError {
-    /// The ramp of an axis.
+    /// An axis.
     #[error(transparent)]
-    Ramp(#[from] RampError),
+    Axis(#[from] AxisError),
     /// The in-process bus.
     #[error(transparent)]
     Bus(#[from] BusError),
@@ -209,6 +208,15 @@ impl<P: PulseWriter> DrySet<P> {
         self.log_frames().map_err(bus_gone)
     }
 
+    fn put(&mut self, body: Body) -> Result<Sequence, Failure> {
+        let sequence = self.sequence;
+        self.sequence = sequence.next();
+        let frame = Frame { sender: Sender::Ccu, sequence, tick: self.now, body };
+        self.transmit.send(&frame.encode(), Wake::Everyone).map_err(bus_gone)?;
+        self.exchange()?;
+        Ok(sequence)
+    }
+
     fn write_pulses(&mut self) -> Result<(), Failure> {
         if !P::WANTED {
             return Ok(());
@@ -279,12 +287,11 @@ impl<P: PulseWriter> Link for DrySet<P> {
     fn tell_resume(&self) {}
 
     fn send(&mut self, broadcast: Broadcast) -> Result<Sequence, Failure> {
-        let sequence = self.sequence;
-        self.sequence = sequence.next();
-        let frame = Frame { sender: Sender::Ccu, sequence, tick: self.now, body: Body::Command(broadcast) };
-        self.transmit.send(&frame.encode(), Wake::Everyone).map_err(bus_gone)?;
-        self.exchange()?;
-        Ok(sequence)
+        self.put(Body::Command(broadcast))
+    }
+
+    fn inject(&mut self, axis: AxisNumber, fault: Fault) -> Result<Sequence, Failure> {
+        self.put(Body::Fault(axis, fault))
     }
 
     fn hear(&mut self, until: Tick) -> Result<Option<Heard>, Failure> {

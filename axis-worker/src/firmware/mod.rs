@@ -16,15 +16,17 @@
 
 mod movement;
 mod search;
+mod servo;
 
 use supersigma_config::{AxisConfig, RampConfig, RampError, TravelConfig};
 use supersigma_protocol::{
-    Activity, Alarm, AxisReport, Direction, Distance, End, Operation, Position, Refusal, SensePoint,
-    SpeedIndex, StatusWord, Steps, Tick,
+    Activity, Alarm, AxisReport, Deviation, Direction, Distance, End, Fault, Operation, Position, Refusal,
+    SensePoint, SpeedIndex, StatusWord, Steps, Tick,
 };
 
 use self::movement::Movement;
-use self::search::{Bounds, Found, Goal, Search, Stage};
+use self::search::{Bounds, Found, Goal, MARGIN, Search, Stage};
+use self::servo::{Servo, Settling, Verdict};
 use crate::board::{Board, Sink};
 use crate::ramp::{Leg, Plan, Schedule, Share, Stop, Table};
 
@@ -40,6 +42,10 @@ pub struct Firmware {
     base: Option<Position>,
     /// Steps of the last movement.
     steps: Steps,
+    /// What the last origination found.
+    lost: Option<Deviation>,
+    /// Closed loop, if the axis is in it.
+    servo: Option<Servo>,
     lead: Option<Lead>,
     /// Commanded for a tick to come.
     halt_at: Option<Tick>,
@@ -67,6 +73,10 @@ enum State {
     Standing,
     Armed(Armed),
     Moving(Movement),
+    /// Closed loop: the pulses are out, the shaft comes to rest.
+    Settling(Settling),
+    /// Closed loop: the origin is found, and the encoder's zero will be where the shaft comes to rest.
+    Zeroing(Search, Settling),
     Searching(Search, Movement),
 }
 
@@ -98,6 +108,8 @@ impl Firmware {
             alarm: None,
             base: None,
             steps: Steps(0),
+            lost: None,
+            servo: Servo::new(axis),
             lead: None,
             halt_at: None,
             brake_at: None,
@@ -176,8 +188,11 @@ impl Firmware {
             State::Standing => None,
             State::Armed(armed) => armed.start,
             State::Moving(movement) | State::Searching(_, movement) => Some(movement.wake_at()),
+            State::Settling(settling) | State::Zeroing(_, settling) => Some(settling.look_at()),
         };
-        [own, self.halt_at, self.brake_at].into_iter().flatten().min()
+        let moving = matches!(self.state, State::Moving(_));
+        let follow = self.servo.as_ref().filter(|_| moving).map(Servo::look_at);
+        [own, follow, self.halt_at, self.brake_at].into_iter().flatten().min()
     }
 
     /// Does what is due at the board's tick.
@@ -199,13 +214,26 @@ impl Firmware {
             }
             State::Moving(movement) => {
                 if movement.wake(board, sink) {
-                    self.stand(board);
+                    self.pulses_out(board);
+                } else {
+                    self.follow(board, sink);
+                }
+            }
+            State::Settling(_) => self.settle(board, sink),
+            State::Zeroing(search, settling) => {
+                if settling.is_over(board) {
+                    let search = *search;
+                    if let Some(servo) = &mut self.servo {
+                        servo.set_zero(board);
+                    }
+                    self.at_origin(search, board, sink);
                 }
             }
             State::Searching(search, movement) => {
+                let direction = movement.direction(board);
                 if movement.wake(board, sink) {
                     let search = *search;
-                    self.stage_over(search, board, sink);
+                    self.stage_over(search, direction, board, sink);
                 }
             }
         }
@@ -226,11 +254,26 @@ impl Firmware {
                 Found::Nothing => {}
                 Found::Switch => {
                     search.stage = Stage::Overshoot;
+                    search.of_stage = movement.steps(board);
                     movement.stop(&self.table, Stop::Halt, board, sink);
                 }
                 Found::Goal => movement.cut(board),
             },
-            State::Standing | State::Armed(_) => {}
+            State::Standing | State::Armed(_) | State::Settling(_) | State::Zeroing(..) => {}
+        }
+    }
+
+    /// Makes a fault on purpose.
+    pub fn fail(&mut self, fault: Fault, board: &mut Board, sink: &mut impl Sink) {
+        let now = board.now();
+        match fault {
+            Fault::Force => self.emergency(Alarm::ExcessiveForce, board, sink),
+            Fault::Limit(end) => self.emergency(Alarm::EndOfRail(end), board, sink),
+            Fault::LostSteps(steps) => board.mechanism_mut().lose(steps),
+            Fault::Switch(switch) => {
+                board.mechanism_mut().set_switch(switch, now);
+                self.sense(board, sink);
+            }
         }
     }
 
@@ -246,26 +289,38 @@ impl Firmware {
         let (activity, made) = match &self.state {
             State::Standing => (Activity::Standing, Steps(0)),
             State::Armed(_) => (Activity::Armed, Steps(0)),
+            State::Settling(_) => (Activity::Settling, Steps(0)),
+            State::Zeroing(search, _) => (search.activity(), Steps(0)),
             State::Moving(movement) => {
                 (movement.phase().map_or(Activity::Standing, Activity::from), Steps(0))
             }
             State::Searching(search, _) => (search.activity(), search.made),
         };
         let (steps, position) = match &self.state {
-            State::Standing | State::Armed(_) => (self.steps, self.base),
+            State::Standing | State::Armed(_) | State::Settling(_) | State::Zeroing(..) => {
+                (self.steps, self.base)
+            }
             State::Moving(movement) | State::Searching(_, movement) => {
                 let steps = movement.steps(board);
                 (made + steps, self.base.map(|base| movement.position(base, board)))
             }
         };
+        let (steps, position) = match (&self.servo, &self.state) {
+            (Some(servo), State::Standing | State::Moving(_) | State::Settling(_)) => {
+                servo.measured(board).map_or((steps, position), |(steps, position)| (steps, Some(position)))
+            }
+            _ => (steps, position),
+        };
         let detectors = board.detectors();
-        // Open loop: X4 says that no pulse train is being made, and X5 is never claimed, for nothing measures speed.
+        // Open loop: X4 says that no pulse train is being made, and X5 is never claimed, for nothing measures speed. Closed
+        // loop: a movement is over when the target has been reached, and X5 says that the shaft is slower than S1.
         let sense = StatusWord::default()
             .with(SensePoint::X1, detectors.lower)
             .with(SensePoint::X2, detectors.upper)
             .with(SensePoint::X3, detectors.reference)
-            .with(SensePoint::X4, matches!(self.state, State::Standing | State::Armed(_)));
-        AxisReport { sense, steps, position, activity, alarm: self.alarm }
+            .with(SensePoint::X4, matches!(self.state, State::Standing | State::Armed(_)))
+            .with(SensePoint::X5, self.servo.is_some() && detectors.slow);
+        AxisReport { sense, steps, position, activity, alarm: self.alarm, lost: self.lost }
     }
 
     /// The axis' ramp.
@@ -391,13 +446,19 @@ impl Firmware {
 
     fn search(&mut self, goal: Goal, board: &mut Board, sink: &mut impl Sink) -> Result<(), Refusal> {
         self.standing()?;
-        self.base = None;
-        self.begin_stage(Search::new(goal, board.detectors()), board, sink);
+        let believed = self.base.take();
+        if let Some(servo) = &mut self.servo {
+            servo.forget();
+        }
+        self.begin_stage(Search::new(goal, board.detectors(), believed), board, sink);
         Ok(())
     }
 
     fn begin(&mut self, schedule: Schedule, board: &mut Board, sink: &mut impl Sink) {
         self.lead = None;
+        if let Some(servo) = &mut self.servo {
+            servo.begin(self.base, board);
+        }
         self.state = State::Moving(Movement::begin(schedule, board, sink));
     }
 
@@ -420,22 +481,91 @@ impl Firmware {
         self.state = State::Standing;
     }
 
+    /// The last pulse of a movement has come. Open loop: it is over. Closed loop: the shaft has to get there.
+    fn pulses_out(&mut self, board: &mut Board) {
+        if self.base.is_none() || self.servo.is_none() {
+            return self.stand(board);
+        }
+        if let State::Moving(movement) = &self.state
+            && let Some(base) = self.base
+        {
+            let target = movement.position(base, board);
+            self.state = State::Settling(Settling::new(target, board.now()));
+        }
+    }
+
+    /// Closed loop: looks whether the shaft follows.
+    fn follow(&mut self, board: &mut Board, sink: &mut impl Sink) {
+        if let (Some(servo), State::Moving(movement), Some(base)) = (&mut self.servo, &self.state, self.base)
+        {
+            let commanded = movement.position(base, board);
+            if let Some(error) = servo.error(commanded, board)
+                && self.alarm.is_none()
+            {
+                self.emergency(Alarm::FollowingError(error), board, sink);
+            }
+        }
+    }
+
+    /// Closed loop: looks whether the shaft has come to rest, and makes good what it has lost.
+    fn settle(&mut self, board: &mut Board, sink: &mut impl Sink) {
+        let (State::Settling(settling), Some(servo)) = (&mut self.state, &mut self.servo) else { return };
+        match settling.look(servo, board) {
+            Verdict::Wait => {}
+            // After an emergency the axis stays where it is.
+            Verdict::Correct(..) | Verdict::Off(_) if self.alarm.is_some() => self.stand(board),
+            Verdict::There => self.stand(board),
+            Verdict::Off(by) => {
+                self.alarm.get_or_insert(Alarm::FollowingError(by));
+                self.stand(board);
+            }
+            Verdict::Correct(direction, distance) => {
+                let plan = Plan::constant(&self.table, distance, SpeedIndex::START);
+                // The pulses now begin where the shaft is.
+                self.base = servo.measured(board).map(|(_, position)| position);
+                self.state = State::Moving(Movement::begin(Schedule::alone(plan, direction), board, sink));
+            }
+        }
+    }
+
+    /// The axis stands at its origin, and knows it.
+    fn at_origin(&mut self, search: Search, board: &mut Board, sink: &mut impl Sink) {
+        self.state = State::Standing;
+        self.base = Some(Position(0));
+        self.lost = search.believed.map(|believed| Position(0).deviation_from(believed));
+        if search.goal == Goal::Reference {
+            self.begin_stage(Search { stage: Stage::LockIn, ..search }, board, sink);
+        }
+    }
+
     /// The last pulse of one stage of a search has come.
-    fn stage_over(&mut self, search: Search, board: &mut Board, sink: &mut impl Sink) {
+    fn stage_over(&mut self, search: Search, direction: Direction, board: &mut Board, sink: &mut impl Sink) {
         let detectors = board.detectors();
         self.stand(board);
-        let next = |stage| Search { stage, made: self.steps, of_stage: Steps(0), ..search };
+        let made = self.steps - search.made;
+        let believed = search.believed.map(|believed| believed.moved(direction, made));
+        let next = |stage| Search { stage, made: self.steps, believed, of_stage: Steps(0), ..search };
         match search.stage {
-            Stage::Overshoot if detectors.lower => self.begin_stage(next(Stage::Release), board, sink),
+            Stage::Overshoot if detectors.lower => {
+                // The switch closed somewhere in this movement: `of_stage` was the count then.
+                let beyond = made - search.of_stage;
+                self.begin_stage(next(Stage::BackOff(beyond + MARGIN)), board, sink);
+            }
+            Stage::BackOff(_) if !detectors.lower => self.begin_stage(next(Stage::Return), board, sink),
+            // It has backed off and still stands on the switch: the slow way finds the point all the same.
+            Stage::BackOff(_) => self.begin_stage(next(Stage::Release), board, sink),
+            Stage::Return if detectors.lower => self.begin_stage(next(Stage::Release), board, sink),
             Stage::Release if !detectors.lower => {
-                self.base = Some(Position(0));
-                if search.goal == Goal::Reference {
-                    self.begin_stage(next(Stage::LockIn), board, sink);
+                let found = next(Stage::Release);
+                if self.servo.is_some() {
+                    self.state = State::Zeroing(found, Settling::new(Position(0), board.now()));
+                } else {
+                    self.at_origin(found, board, sink);
                 }
             }
             Stage::LockIn if detectors.reference => {}
             unfinished => {
-                let of_stage = search.of_stage + (self.steps - search.made);
+                let of_stage = search.of_stage + made;
                 self.begin_stage(Search { of_stage, ..next(unfinished) }, board, sink);
             }
         }
@@ -460,8 +590,10 @@ impl Firmware {
             self.alarm.get_or_insert(Alarm::Braked);
         }
         self.state = match std::mem::replace(&mut self.state, State::Standing) {
-            State::Standing | State::Armed(_) => State::Standing,
             // A search that is stopped is over: it never goes on by itself, and the position stays unknown.
+            State::Standing | State::Armed(_) | State::Zeroing(..) => State::Standing,
+            // The pulses are out already; the shaft comes to rest in any case.
+            State::Settling(settling) => State::Settling(settling),
             State::Moving(mut movement) | State::Searching(_, mut movement) => {
                 movement.stop(&self.table, stop, board, sink);
                 State::Moving(movement)

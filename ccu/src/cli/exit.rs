@@ -1,6 +1,6 @@
 //! How a command ends when it does not end well: a report for people on standard error, and an exit code for programs.
 
-use std::io;
+use std::io::{self, Write};
 use std::process::ExitCode;
 
 use miette::{Diagnostic, IntoDiagnostic, Report};
@@ -43,7 +43,8 @@ impl Exit {
     /// Tells people, and gives the code.
     pub(super) fn report(self) -> ExitCode {
         if let Some(report) = self.report {
-            eprintln!("{report:?}");
+            // If nobody reads it, there is nobody else to tell.
+            let _ = writeln!(io::stderr(), "{report:?}");
         }
         ExitCode::from(self.code)
     }

@@ -113,7 +113,7 @@ Examples:
 U is the motion in steps. V, from the most significant bit: v1 towards the origin, v4 halt, v5 v6 v7
 maximum speed (000 the slowest, 111 the top of the ramp), v8 seek the reference step; its other bits
 must be 0. Halting wins over seeking, seeking over the motion. R, from the most significant bit: X1
-to X5; 1000 (X4 alone) is the success of an open-loop motion.
+to X5; 1000 (X4 alone) is the success of an open-loop motion, 1800 (X4 and X5) of a closed-loop one.
 
 Examples:
   ccu word left_x 04B0 0E00           1200 steps away from the origin, full speed
@@ -122,6 +122,14 @@ Examples:
   ccu word 1 0 0100                   seek the reference step
   ccu word 1                          only read R")]
     Word(word::WordArgs),
+    /// Make a fault on purpose, to see what happens
+    #[command(after_help = "\
+Examples:
+  ccu inject left_x force                  the excessive-force input closes
+  ccu inject left_x limit                  the end-of-rail input closes
+  ccu inject left_x lost-steps=16          the next 16 pulses do not reach the motor
+  ccu inject left_x switch=open            the limit switch never closes (closed, free)")]
+    Inject(ask::InjectArgs),
     /// Show the frames of a log
     #[command(after_help = "Examples:\n  ccu frames run.mcap\n  ccu frames run.mcap --axis left_x --json")]
     Frames(FramesArgs),
@@ -206,6 +214,7 @@ impl Command {
             Self::Output(args) => ask::output(&args),
             Self::Send(args) => ask::send(&args),
             Self::Word(args) => word::word(&args),
+            Self::Inject(args) => ask::inject(&args),
             Self::Frames(args) => frames(&args),
             Self::Profile(args) => profile::profile(&args),
             Self::Config(command) => config::config(&command),

@@ -24,7 +24,7 @@ use crate::daemon::{Daemon, Options};
 use crate::dry::{DryError, DrySet, NoPulses, PulseCsv, PulseWriter};
 use crate::executive::{Executive, Failure, Knowledge, Movement};
 use crate::home::Home;
-use crate::log::{AxisNames, LogHeader, Timeline, WallTime};
+use crate::log::{AxisNames, LogError, LogHeader, Timeline, WallTime};
 use crate::script::{Limits, Program, ScriptError, Watcher};
 
 /// How long a rehearsal may take, in real time, and how many operations of the language.
@@ -195,7 +195,8 @@ fn on_a_set_of_its_own(args: &RunArgs, home: &Home, program: &Program, source: S
         let daemon = Daemon::start(options)?;
         if !args.json {
             let took = began_to_start.elapsed().as_secs_f64();
-            eprintln!("set {} is up in {took:.2} s: {} cards", home.name(), daemon.workers());
+            let (name, workers) = (home.name(), daemon.workers());
+            let _ = writeln!(io::stderr(), "set {name} is up in {took:.2} s: {workers} cards");
         }
         let began = Instant::now();
         let client = Client::connect(home)?.of_a_program();
@@ -219,7 +220,7 @@ fn on_a_set_of_its_own(args: &RunArgs, home: &Home, program: &Program, source: S
             Ok(()) => tell_summary(args.json, &totals, elapsed, Some(&report)),
             Err(error) => {
                 if !args.json {
-                    set::down_line(&report, &mut io::stderr())?;
+                    let _ = set::down_line(&report, &mut io::stderr());
                 }
                 Err(error.into())
             }
@@ -353,7 +354,11 @@ fn machine_time(began: Instant, scale: f64) -> Ticks {
 }
 
 fn dry_error(error: &DryError) -> Exit {
-    Exit::could_not(miette!("{error}"))
+    match error {
+        // As `ccu up` and a run on a set have it.
+        DryError::Log(LogError::Exists { .. }) => Exit::wrong(miette!("{error}")),
+        _ => Exit::could_not(miette!("{error}")),
+    }
 }
 
 impl From<ScriptError> for Exit {

@@ -83,15 +83,8 @@ pub(super) fn up(args: &UpArgs) -> Result<(), Exit> {
         // Before anything is started: a signal that comes early must take down what is there by then.
         let asked_to_end = asked_to_end()?;
         let daemon = Daemon::start(options)?;
-        let mut out = io::stdout();
-        if args.detached {
-            writeln!(out, "{READY}")?;
-        } else {
-            let (name, workers) = (daemon.home().name(), daemon.workers());
-            writeln!(out, "set {name} is up: {workers} cards; log {}", daemon.log().display())?;
-            writeln!(out, "Ctrl-C, or `ccu down --name {name}`, takes it down")?;
-        }
-        out.flush()?;
+        // A set does not go down unasked because nobody reads what is said about it.
+        let _ = if args.detached { say_ready() } else { say_up(&daemon) };
         tokio::select! {
             () = asked_to_end => {}
             () = daemon.wanted_down() => {}
@@ -102,6 +95,20 @@ pub(super) fn up(args: &UpArgs) -> Result<(), Exit> {
         }
         Ok(())
     })
+}
+
+fn say_ready() -> io::Result<()> {
+    let mut out = io::stdout().lock();
+    writeln!(out, "{READY}")?;
+    out.flush()
+}
+
+fn say_up(daemon: &Daemon) -> io::Result<()> {
+    let mut out = io::stdout().lock();
+    let (name, workers) = (daemon.home().name(), daemon.workers());
+    writeln!(out, "set {name} is up: {workers} cards; log {}", daemon.log().display())?;
+    writeln!(out, "Ctrl-C, or `ccu down --name {name}`, takes it down")?;
+    out.flush()
 }
 
 /// What resolves when the process is asked to end by a signal.
@@ -139,13 +146,14 @@ fn detach(home: &Home) -> Result<(), Exit> {
         let status = child.wait()?;
         let said = fs::read_to_string(&messages).unwrap_or_default();
         let _ = fs::remove_file(&messages);
-        eprint!("{said}");
+        let _ = io::stderr().write_all(said.as_bytes());
         let code = status.code().and_then(|code| u8::try_from(code).ok()).unwrap_or(1);
         return Err(Exit::silent(code));
     }
     let description = Client::connect(home)?.describe()?;
-    println!("set {} is up: process {}; log {}", home.name(), child.id(), description.log.display());
-    println!("what it has to say goes to {}", messages.display());
+    let mut out = io::stdout().lock();
+    writeln!(out, "set {} is up: process {}; log {}", home.name(), child.id(), description.log.display())?;
+    writeln!(out, "what it has to say goes to {}", messages.display())?;
     Ok(())
 }
 
@@ -162,14 +170,14 @@ fn private_file(path: &std::path::Path) -> Result<File, Exit> {
 pub(super) fn down(args: &DownArgs) -> Result<(), Exit> {
     let home = Home::of(args.set.name.clone())?;
     let report = Client::connect(&home)?.down()?;
-    println!("set {} is down", home.name());
-    down_line(&report, &mut io::stdout())?;
     // Empty, unless something went wrong; then it is kept.
     let messages = home.messages();
     if fs::metadata(&messages).is_ok_and(|file| file.len() == 0) {
         fs::remove_file(&messages)?;
     }
-    Ok(())
+    let mut out = io::stdout().lock();
+    writeln!(out, "set {} is down", home.name())?;
+    Ok(down_line(&report, &mut out)?)
 }
 
 /// What a set leaves: its log.

@@ -1,7 +1,7 @@
 //! The CCU's end of the bus: one thread that hears everything, and what it knows of the cards. Whoever waits for something
 //! subscribes; whoever commands goes through the one sending half. No process is started in here.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender as Subscriber};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -11,8 +11,8 @@ use std::time::{Duration, Instant};
 use axis_worker::clock::Clock;
 use supersigma_protocol::bus::{BusError, Receive, Transmit, Wake, Waker};
 use supersigma_protocol::{
-    About, Address, Answer, Body, Broadcast, CardKind, Command, Frame, Occasion, Operation, Report, Sender,
-    Sequence, Tick, Ticks,
+    About, Address, Answer, AxisNumber, Body, Broadcast, CardKind, Command, Fault, Frame, Occasion,
+    Operation, Report, Sender, Sequence, Tick, Ticks,
 };
 
 use crate::executive::{Common, Failure, Heard, Knowledge, Link};
@@ -64,6 +64,8 @@ struct Port {
 #[derive(Default)]
 struct State {
     cards: BTreeMap<Address, CardLife>,
+    /// Cards whose process has ended unasked. What they said before may still come from the bus.
+    ended: BTreeSet<Address>,
     subscribers: Vec<Subscriber<Heard>>,
     counts: Counts,
     no_log: bool,
@@ -147,10 +149,13 @@ impl Exchange {
     pub(super) fn send(&self, broadcast: Broadcast) -> Result<Sequence, BusError> {
         let wake =
             broadcast.bytes.as_slice().first().map_or(Wake::Nobody, |address| Wake::Card(Address(*address)));
+        self.put(Body::Command(broadcast), wake)
+    }
+
+    fn put(&self, body: Body, wake: Wake) -> Result<Sequence, BusError> {
         let mut port = self.port();
         let sequence = port.sequence;
-        let frame =
-            Frame { sender: Sender::Ccu, sequence, tick: self.clock.now(), body: Body::Command(broadcast) };
+        let frame = Frame { sender: Sender::Ccu, sequence, tick: self.clock.now(), body };
         let Some((transmit, _)) = &mut port.ends else {
             return Err(BusError::Broken { what: "send", reason: "the CCU has left the bus".into() });
         };
@@ -168,6 +173,11 @@ impl Exchange {
 
     /// The process that played `card` has ended unasked.
     pub(super) fn worker_gone(&self, card: Address) {
+        self.state().ended.insert(card);
+        self.card_gone(card);
+    }
+
+    fn card_gone(&self, card: Address) {
         {
             let mut state = self.state();
             if let Some(life) = state.cards.get_mut(&card) {
@@ -231,7 +241,7 @@ impl Exchange {
         let lost = {
             let mut state = self.state();
             state.counts.answers += 1;
-            let alive = answer.about != About::Unasked(Occasion::Leaving);
+            let alive = answer.about != About::Unasked(Occasion::Leaving) && !state.ended.contains(&sender);
             let expected = state.cards.get(&sender).map(|life| life.expected);
             let life =
                 CardLife { alive, report: answer.report, heard: Instant::now(), expected: sequence.next() };
@@ -269,7 +279,7 @@ impl Exchange {
         };
         for card in hung {
             tracing::error!(%card, limit_ms = limit.as_millis(), "the card is silent; all axes brake");
-            self.worker_gone(card);
+            self.card_gone(card);
         }
     }
 
@@ -299,7 +309,7 @@ pub(super) struct LiveLink {
 impl LiveLink {
     /// Forgets what was heard before a new request.
     pub(super) fn forget(&self) {
-        while self.heard.try_recv().is_ok_and(|heard| heard != Heard::GoingDown) {}
+        while self.heard.try_recv().is_ok() {}
     }
 
     /// Moves need a log and living cards; stopping and asking do not.
@@ -355,6 +365,15 @@ impl Link for LiveLink {
         self.exchange.send(broadcast).map_err(|error| Failure::BusGone { reason: error.to_string() })
     }
 
+    fn inject(&mut self, axis: AxisNumber, fault: Fault) -> Result<Sequence, Failure> {
+        let card = axis.address();
+        if self.exchange.state().cards.get(&card).is_some_and(|life| !life.alive) {
+            return Err(Failure::WorkerGone { card });
+        }
+        let sent = self.exchange.put(Body::Fault(axis, fault), Wake::Card(card));
+        sent.map_err(|error| Failure::BusGone { reason: error.to_string() })
+    }
+
     fn hear(&mut self, until: Tick) -> Result<Option<Heard>, Failure> {
         loop {
             if self.cancelled.swap(false, Ordering::AcqRel) {
@@ -364,6 +383,10 @@ impl Link for LiveLink {
             match self.heard.recv_timeout(left.min(LOOK)) {
                 Ok(heard) => return Ok(Some(heard)),
                 Err(RecvTimeoutError::Timeout) if left <= LOOK => return Ok(None),
+                // It may have been told, and forgotten, just before the request began.
+                Err(RecvTimeoutError::Timeout) if self.exchange.state().going_down => {
+                    return Err(Failure::GoingDown);
+                }
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return Err(Failure::GoingDown),
             }

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use axis_worker::ramp::Table;
 use supersigma_config::{Config, RampError};
-use supersigma_protocol::{Address, Answer, AxisNumber, Broadcast, Sequence, Tick, Ticks};
+use supersigma_protocol::{Address, Answer, AxisNumber, Broadcast, Fault, Sequence, Tick, Ticks};
 
 use super::request::{Failure, Remainder};
 
@@ -106,6 +106,12 @@ pub trait Link {
     /// # Errors
     /// If the bus fails, or nobody plays a card that the command is for.
     fn send(&mut self, broadcast: Broadcast) -> Result<Sequence, Failure>;
+
+    /// Makes a fault on purpose, over the bus.
+    ///
+    /// # Errors
+    /// If the bus fails, or nobody plays the card.
+    fn inject(&mut self, axis: AxisNumber, fault: Fault) -> Result<Sequence, Failure>;
 
     /// The next thing heard; `None` when it is `until` and nothing was.
     ///

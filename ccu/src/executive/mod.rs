@@ -12,7 +12,7 @@ use std::time::Duration;
 use axis_worker::ramp::Plan;
 use supersigma_protocol::{
     About, Activity, Address, Answer, AxisNumber, AxisReport, Broadcast, CardKind, Command, CommandBytes,
-    Operation, Refusal, Report, Sequence, SpeedIndex, Tick, Ticks,
+    Fault, Operation, Refusal, Report, Sequence, SpeedIndex, Tick, Ticks,
 };
 
 pub use link::{Common, Heard, Knowledge, Link};
@@ -92,6 +92,7 @@ impl<L: Link> Executive<L> {
             Request::Status { axes } => self.tell(axes, Operation::Status),
             Request::Output { bit, on } => self.output(*bit, *on),
             Request::Digital { card } => self.digital(*card, Operation::Status).map(Outcome::Digital),
+            Request::Inject { axis, fault } => self.inject(*axis, *fault),
             Request::Wait { ticks } => self.wait(*ticks),
             Request::Send { bytes } => self.raw(bytes.clone()),
         }
@@ -299,6 +300,13 @@ impl<L: Link> Executive<L> {
         }
     }
 
+    fn inject(&mut self, axis: AxisNumber, fault: Fault) -> Result<Outcome, Failure> {
+        self.link.knowledge().table(axis)?;
+        let sequence = self.link.inject(axis, fault)?;
+        let answer = self.answer(axis.address(), sequence)?;
+        Ok(Outcome::Axes(vec![AxisState { axis, report: axis_report(&answer) }]))
+    }
+
     fn wait(&mut self, ticks: Ticks) -> Result<Outcome, Failure> {
         let until = self.link.now() + ticks;
         while let Some(heard) = self.hear(until)? {
@@ -420,7 +428,8 @@ fn judge(one: &Underway, report: &AxisReport, acted_at: Tick) -> Result<Option<M
     if report.activity != Activity::Standing {
         return Ok(None);
     }
-    let AxisReport { sense, steps: done, position, alarm, .. } = *report;
+    let AxisReport { sense, steps: done, position, alarm, lost, .. } = *report;
+    let lost = lost.filter(|_| one.steps.is_none());
     let axis = one.axis;
     if let Some(alarm) = alarm {
         return Err(Failure::Alarm { axis, alarm, done, position });
@@ -433,7 +442,7 @@ fn judge(one: &Underway, report: &AxisReport, acted_at: Tick) -> Result<Option<M
         return Err(Failure::Stopped { axis, done, position });
     }
     let took = acted_at.since(one.start);
-    Ok(Some(Movement { axis, kind: one.kind, asked: one.asked, done, sense, took, position }))
+    Ok(Some(Movement { axis, kind: one.kind, asked: one.asked, done, sense, took, position, lost }))
 }
 
 /// What is not an answer ends the waiting if it concerns one of these movements.

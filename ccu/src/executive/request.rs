@@ -4,8 +4,8 @@
 use miette::Diagnostic;
 use serde::{Deserialize, Serialize};
 use supersigma_protocol::{
-    Address, Alarm, AxisNumber, AxisReport, CommandBytes, Direction, Distance, Position, Refusal, StatusWord,
-    Steps, Ticks,
+    Address, Alarm, AxisNumber, AxisReport, CommandBytes, Deviation, Direction, Distance, Fault, Position,
+    Refusal, StatusWord, Steps, Ticks,
 };
 
 /// Signed steps: positive is away from the origin.
@@ -102,6 +102,13 @@ pub enum Request {
         /// 8 or 9.
         card: Address,
     },
+    /// Make a fault on purpose.
+    Inject {
+        /// On which axis.
+        axis: AxisNumber,
+        /// Which.
+        fault: Fault,
+    },
     /// Let machine time pass.
     Wait {
         /// How much.
@@ -165,6 +172,8 @@ pub struct Movement {
     pub took: Ticks,
     /// Where the axis stands now.
     pub position: Option<Position>,
+    /// For a search: by how much the axis stood off from where it was believed to be.
+    pub lost: Option<Deviation>,
 }
 
 /// Kinds of movements.

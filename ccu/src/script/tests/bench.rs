@@ -7,7 +7,9 @@ use std::time::Duration;
 
 use axis_worker::Card;
 use supersigma_config::Config;
-use supersigma_protocol::{Alarm, Answer, AxisNumber, Body, Broadcast, Frame, Sender, Sequence, Tick, Ticks};
+use supersigma_protocol::{
+    Alarm, Answer, AxisNumber, Body, Broadcast, Fault, Frame, Sender, Sequence, Tick, Ticks,
+};
 
 use crate::executive::{Common, Executive, Failure, Heard, Knowledge, Link, Movement};
 use crate::script::{Limits, Program, ScriptError, Watcher, lock};
@@ -61,6 +63,18 @@ impl Bench {
         cards.chain(emergency).chain(failure).chain(stop).min()
     }
 
+    fn put(&mut self, body: Body) -> Sequence {
+        let sequence = self.sequence;
+        self.sequence = sequence.next();
+        let frame = Frame { sender: Sender::Ccu, sequence, tick: self.now, body };
+        let mut answers: Vec<Answer> = Vec::new();
+        for card in &mut self.cards {
+            card.hear(&frame, &mut answers);
+        }
+        self.heard.extend(answers.into_iter().map(Heard::Answer));
+        sequence
+    }
+
     fn advance(&mut self, to: Tick) {
         let mut answers: Vec<Answer> = Vec::new();
         for card in &mut self.cards {
@@ -98,15 +112,11 @@ impl Link for Bench {
     fn tell_resume(&self) {}
 
     fn send(&mut self, broadcast: Broadcast) -> Result<Sequence, Failure> {
-        let sequence = self.sequence;
-        self.sequence = sequence.next();
-        let frame = Frame { sender: Sender::Ccu, sequence, tick: self.now, body: Body::Command(broadcast) };
-        let mut answers: Vec<Answer> = Vec::new();
-        for card in &mut self.cards {
-            card.hear(&frame, &mut answers);
-        }
-        self.heard.extend(answers.into_iter().map(Heard::Answer));
-        Ok(sequence)
+        Ok(self.put(Body::Command(broadcast)))
+    }
+
+    fn inject(&mut self, axis: AxisNumber, fault: Fault) -> Result<Sequence, Failure> {
+        Ok(self.put(Body::Fault(axis, fault)))
     }
 
     fn hear(&mut self, until: Tick) -> Result<Option<Heard>, Failure> {

@@ -117,6 +117,9 @@ impl Place {
         let mut config = Config::default();
         config.global.set_root_path(&folder);
         config.global.prefix = FileName::new(self.prefix.as_bytes()).map_err(malformed)?;
+        // A set's processes leave together, and one that is half gone would be taken for a dead one. The dead are
+        // cleared away by whoever joins, and all at once when the set ends.
+        config.global.node.cleanup_dead_nodes_on_destruction = false;
         config.global.service.event_connection_suffix =
             FileName::new(SOCKET_SUFFIX.as_bytes()).map_err(malformed)?;
         Ok(config)
