@@ -11,6 +11,7 @@ mod frame;
 mod refusal;
 mod report;
 mod units;
+pub mod words;
 
 pub use command::{Command, CommandBytes, Operation, TooManyBytes};
 pub use frame::{

@@ -226,7 +226,7 @@ impl Asked {
         Ok(Self { client, description, config })
     }
 
-    fn axis(&self, name: &str) -> Result<AxisNumber, Exit> {
+    pub(super) fn axis(&self, name: &str) -> Result<AxisNumber, Exit> {
         match self.config.find_axis(name) {
             Some(axis) => Ok(axis.address),
             None => Err(unknown("axis", name, self.config.axes.iter().map(|axis| axis.name.as_str()))),
@@ -241,7 +241,7 @@ impl Asked {
         names.iter().map(|name| self.axis(name)).collect()
     }
 
-    fn axis_states(&mut self, request: Request) -> Result<Vec<AxisState>, Exit> {
+    pub(super) fn axis_states(&mut self, request: Request) -> Result<Vec<AxisState>, Exit> {
         match self.client.operate(request)? {
             Outcome::Axes(states) => Ok(states),
             _ => Ok(vec![]),

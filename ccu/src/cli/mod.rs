@@ -8,6 +8,7 @@ mod profile;
 mod run;
 mod set;
 mod show;
+mod word;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -107,6 +108,20 @@ Examples:
   ccu send 01 81 01 90                axis 1, 400 steps towards the origin
   ccu send 00 06                      halt everyone")]
     Send(ask::SendArgs),
+    /// Give an axis the control words U and V of Fredriksen's interface, and read its sense word R
+    #[command(after_help = "\
+U is the motion in steps. V, from the most significant bit: v1 towards the origin, v4 halt, v5 v6 v7
+maximum speed (000 the slowest, 111 the top of the ramp), v8 seek the reference step; its other bits
+must be 0. Halting wins over seeking, seeking over the motion. R, from the most significant bit: X1
+to X5; 1000 (X4 alone) is the success of an open-loop motion, 1800 (X4 and X5) of a closed-loop one.
+
+Examples:
+  ccu word left_x 04B0 0E00           1200 steps away from the origin, full speed
+  ccu word 1 190 8600                 400 steps towards it, speed level 3
+  ccu word 1 0 1000                   halt
+  ccu word 1 0 0100                   seek the reference step
+  ccu word 1                          only read R")]
+    Word(word::WordArgs),
     /// Make a fault on purpose, to see what happens
     #[command(after_help = "\
 Examples:
@@ -198,6 +213,7 @@ impl Command {
             Self::Input(args) => ask::input(&args),
             Self::Output(args) => ask::output(&args),
             Self::Send(args) => ask::send(&args),
+            Self::Word(args) => word::word(&args),
             Self::Inject(args) => ask::inject(&args),
             Self::Frames(args) => frames(&args),
             Self::Profile(args) => profile::profile(&args),
