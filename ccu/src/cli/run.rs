@@ -147,7 +147,7 @@ fn on_a_set_that_is_up(args: &RunArgs, program: &Program) -> Result<(), Exit> {
     {
         let name = &args.set.name;
         return Err(Exit::wrong(miette!(
-            help = "leave these options out, or take the set down first: `ccu down --name {name}`",
+            help = format!("leave these options out, or take the set down first: `ccu down --name {name}`"),
             "set {name} is up already; --config, --log and --time-scale are for a set that is started"
         )));
     }
