@@ -2,8 +2,8 @@
 
 use std::io::{self, BufWriter, Write};
 
-use miette::Diagnostic;
-use supersigma_config::Config;
+use miette::miette;
+use supersigma_config::{Config, choose};
 use supersigma_protocol::{Address, AxisNumber};
 
 use super::exit::Exit;
@@ -12,31 +12,14 @@ use crate::control::{Client, Description};
 use crate::executive::{AxisState, Failure, Knowledge, Operate, Outcome, Request};
 use crate::home::Home;
 
-/// A name that means nothing in this set.
-#[derive(Debug, thiserror::Error, Diagnostic)]
-#[error("this set has no {what} {name:?}")]
-#[diagnostic(help("it has {known}{}", nearest.as_ref().map(|near| format!("; did you mean `{near}`?")).unwrap_or_default()))]
-struct Unknown {
-    what: &'static str,
-    name: String,
-    known: String,
-    nearest: Option<String>,
-}
-
 /// No such thing in this set; perhaps another one was meant.
 pub(super) fn unknown<'a>(
     what: &'static str,
     name: &str,
     known: impl Iterator<Item = &'a str> + Clone,
 ) -> Exit {
-    let nearest = known
-        .clone()
-        .map(|one| (strsim::damerau_levenshtein(one, name), one))
-        .min()
-        .filter(|(distance, one)| *distance * 2 < one.len())
-        .map(|(_, one)| one.to_owned());
-    let known = known.collect::<Vec<_>>().join(", ");
-    Exit::with_code(2, Unknown { what, name: name.to_owned(), known, nearest })
+    let help = choose(name, known, &format!("its {what}s are"));
+    Exit::wrong(miette!(help = help, "this set has no {what} {name:?}"))
 }
 
 /// A set that is up, and what it is.
