@@ -1,10 +1,10 @@
 //! One axis: firmware, 8253 and mechanism as one deterministic machine. Commands come in at a tick, answers and pulses go
 //! out at a tick. It reads no clock, waits for nobody and knows no bus.
 
-use supersigma_config::{AxisConfig, RampConfig, RampError};
+use supersigma_config::{AxisConfig, MotorError, RampConfig, RampError};
 use supersigma_protocol::{
-    About, Activity, Alarm, Answer, AxisNumber, AxisReport, Command, Occasion, Refusal, Report, StatusWord,
-    Tick,
+    About, Activity, Alarm, Answer, AxisNumber, AxisReport, Command, Fault, Occasion, Refusal, Report,
+    StatusWord, Tick,
 };
 
 use crate::board::{Board, Sink};
@@ -19,6 +19,17 @@ pub struct Axis {
     firmware: Firmware,
     board: Board,
     told: Told,
+}
+
+/// Why an axis cannot be made of its configuration.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum AxisError {
+    /// Its ramp does not give a table.
+    #[error(transparent)]
+    Ramp(#[from] RampError),
+    /// Its motor cannot be.
+    #[error(transparent)]
+    Motor(#[from] MotorError),
 }
 
 /// What the CCU was told last.
@@ -39,10 +50,10 @@ impl Axis {
     /// The axis at switch-on, tick 0.
     ///
     /// # Errors
-    /// If the ramp does not give a table.
-    pub fn new(axis: &AxisConfig, ramp: &RampConfig) -> Result<Self, RampError> {
+    /// If the ramp does not give a table, or the motor cannot be.
+    pub fn new(axis: &AxisConfig, ramp: &RampConfig) -> Result<Self, AxisError> {
         let firmware = Firmware::new(axis, ramp)?;
-        let mut board = Board::new(Mechanism::new(&axis.rail));
+        let mut board = Board::new(Mechanism::new(axis)?);
         let told = Told::from(&firmware.report(&mut board));
         Ok(Self { number: axis.address, firmware, board, told })
     }
@@ -74,8 +85,8 @@ impl Axis {
     /// The next tick at which anything happens by itself; `None` while the axis stands.
     #[must_use]
     pub fn next_event(&self) -> Option<Tick> {
-        let wake = self.firmware.wake_at()?;
-        Some(self.board.next_change().map_or(wake, |change| change.min(wake)))
+        let change = self.board.next_change();
+        self.firmware.wake_at().into_iter().chain(change).min()
     }
 
     /// Lets time pass up to and including `to`.
@@ -94,6 +105,12 @@ impl Axis {
                 return;
             }
         }
+    }
+
+    /// Makes a fault on purpose, now.
+    pub fn fail(&mut self, fault: Fault, sink: &mut impl Sink) {
+        self.firmware.fail(fault, &mut self.board, sink);
+        self.tell_changes(sink);
     }
 
     /// Carries out a command, now; the answer is the caller's to send. `at` is the tick that the frame names.

@@ -119,16 +119,58 @@ impl Board {
         self.pit.set_gate(CounterId::Zero, open);
     }
 
-    /// Lets time pass until `until`, or until the step at which a detector changes; says whether one did.
+    /// Where the encoder says that the shaft is now, in steps; `None` without one.
+    pub(crate) fn measure(&mut self) -> Option<i64> {
+        self.mechanism.measure(self.now)
+    }
+
+    /// Where faults are made on purpose.
+    pub(crate) fn mechanism_mut(&mut self) -> &mut Mechanism {
+        &mut self.mechanism
+    }
+
+    /// Lets time pass until `until`, or until the tick at which a detector changes; says whether one did.
     pub(crate) fn run(&mut self, until: Tick, sink: &mut impl Sink) -> bool {
+        if self.mechanism.has_rotor() {
+            return self.run_with_rotor(until, sink);
+        }
         let change = self.next_change().filter(|change| *change <= until);
         let pulses = self.clock(change.unwrap_or(until), sink);
-        self.mechanism.step(self.direction, pulses);
+        self.mechanism.step(self.direction, pulses, self.now);
         change.is_some()
     }
 
-    /// When a detector changes, if the chip goes on as it does now.
+    /// The same pulse by pulse: what a rotor makes of one is seen only afterwards.
+    fn run_with_rotor(&mut self, until: Tick, sink: &mut impl Sink) -> bool {
+        let before = self.mechanism.detectors();
+        loop {
+            let pulse = self.pit.clocks_until_falling(CounterId::Zero, NonZeroU64::MIN);
+            let pulse = pulse.map(|clocks| self.now + Ticks(clocks)).filter(|pulse| *pulse <= until);
+            let look = self.mechanism.next_look(self.now).filter(|look| *look <= until);
+            let Some(next) = pulse.into_iter().chain(look).min() else {
+                self.pit.clock_card(until.since(self.now).0);
+                self.now = self.now.max(until);
+                return false;
+            };
+            self.pit.clock_card(next.since(self.now).0);
+            self.now = next;
+            if pulse == Some(next) {
+                self.mechanism.step(self.direction, 1, next);
+                sink.pulse(next, self.mechanism.position());
+            } else {
+                self.mechanism.look(next);
+            }
+            if self.mechanism.detectors() != before {
+                return true;
+            }
+        }
+    }
+
+    /// When a detector changes, if the chip goes on as it does now; with a rotor, when it is looked at next.
     pub(crate) fn next_change(&self) -> Option<Tick> {
+        if self.mechanism.has_rotor() {
+            return self.mechanism.next_look(self.now);
+        }
         let steps = self.mechanism.steps_to_change(self.direction)?;
         let clocks = self.pit.clocks_until_falling(CounterId::Zero, NonZeroU64::new(steps.into())?)?;
         Some(self.now + Ticks(clocks))
@@ -146,7 +188,7 @@ impl Board {
                 }
                 pulses += self.pit.clock_card(clocks) as u32;
                 self.now += Ticks(clocks);
-                mechanism.step(self.direction, 1);
+                mechanism.step(self.direction, 1, self.now);
                 sink.pulse(self.now, mechanism.position());
             }
         }

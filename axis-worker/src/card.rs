@@ -1,13 +1,13 @@
 //! One card as the bus sees it: frames in, answers out. Whether it is called at all, and when, is the shell's business;
 //! the worker process, the dry run and the tests drive this very type.
 
-use supersigma_config::{Config, RampError};
+use supersigma_config::Config;
 use supersigma_protocol::{
     About, Address, Alarm, Answer, AxisNumber, Body, Broadcast, CardKind, Command, Frame, Occasion, Refusal,
     Report, Sender, Sequence, Tick,
 };
 
-use crate::axis::Axis;
+use crate::axis::{Axis, AxisError};
 use crate::board::Sink;
 use crate::digital::Digital;
 
@@ -29,8 +29,8 @@ impl Card {
     /// The motor card `number` of a set; `None` if the set has none.
     ///
     /// # Errors
-    /// If the axis' ramp does not give a table.
-    pub fn axis(config: &Config, number: AxisNumber) -> Result<Option<Self>, RampError> {
+    /// If the axis cannot be made of its configuration.
+    pub fn axis(config: &Config, number: AxisNumber) -> Result<Option<Self>, AxisError> {
         config
             .axis(number)
             .map(|axis| {
@@ -93,23 +93,37 @@ impl Card {
     /// Hears a frame, now. Every card hears every frame of the CCU; a card answers those that are for it, and if it
     /// has missed some, an axis brakes: nobody knows what they would have said.
     pub fn hear(&mut self, frame: &Frame, sink: &mut impl Sink) {
-        let (Sender::Ccu, Body::Command(broadcast)) = (frame.sender, &frame.body) else {
+        if frame.sender != Sender::Ccu {
             return;
-        };
+        }
         if let Some(lost) = self.missing_before(frame.sequence)
             && let Kind::Axis(axis) = &mut self.kind
         {
             axis.emergency(Alarm::FramesLost(lost), sink);
         }
-        let Some(address) = self.concerned(broadcast) else {
-            return;
-        };
-        let result = match Command::decode(broadcast.bytes.as_slice()) {
-            Ok(command) => self.carry_out(command, broadcast.at, sink),
-            Err(refusal) => Err(refusal),
+        let (address, result) = match &frame.body {
+            Body::Command(broadcast) => {
+                let Some(address) = self.concerned(broadcast) else { return };
+                (address, self.obey(broadcast, sink))
+            }
+            Body::Fault(number, fault) => match &mut self.kind {
+                Kind::Axis(axis) if axis.number() == *number => {
+                    axis.fail(*fault, sink);
+                    (number.address(), Ok(()))
+                }
+                _ => return,
+            },
+            Body::Answer(_) => return,
         };
         let answer = self.answer(address, About::Command(frame.sequence, result));
         sink.answer(answer);
+    }
+
+    fn obey(&mut self, broadcast: &Broadcast, sink: &mut impl Sink) -> Result<(), Refusal> {
+        match Command::decode(broadcast.bytes.as_slice()) {
+            Ok(command) => self.carry_out(command, broadcast.at, sink),
+            Err(refusal) => Err(refusal),
+        }
     }
 
     /// Brakes because of something that is no command.

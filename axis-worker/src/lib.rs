@@ -10,11 +10,12 @@ pub mod clock;
 mod digital;
 pub mod firmware;
 pub mod mechanism;
+pub mod motor;
 pub mod pit8253;
 pub mod ramp;
 pub mod worker;
 
-pub use axis::Axis;
+pub use axis::{Axis, AxisError};
 pub use board::{Board, Sink};
 pub use card::Card;
 pub use digital::Digital;
@@ -22,11 +23,11 @@ pub use digital::Digital;
 #[cfg(test)]
 mod tests;
 
-/// Writes what happens to standard error, as `RUST_LOG` asks for it; warnings and worse if it does not. For the first
-/// lines of a program.
+/// Writes what happens to standard error, as `RUST_LOG` asks for it; warnings and worse if it does not, but of the bus'
+/// library only errors: it warns of what it then does right. For the first lines of a program.
 pub fn start_logging() {
     let filter = tracing_subscriber::EnvFilter::try_from_default_env()
-        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn"));
+        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn,iceoryx2_bb_loggers=error"));
     let colours = std::io::IsTerminal::is_terminal(&std::io::stderr());
     tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_ansi(colours).init();
 }

@@ -13,13 +13,14 @@ use std::thread;
 use std::time::Duration;
 
 use clap::Args;
-use supersigma_config::{Config, ConfigError, RampError};
+use supersigma_config::{Config, ConfigError};
 use supersigma_protocol::bus::shared_memory::{Place, SharedBus};
 use supersigma_protocol::bus::{Bus, BusError, Receive, Transmit, Wake, Waker};
 use supersigma_protocol::{
     About, Address, Alarm, Answer, Body, CardKind, Frame, Occasion, Report, Sender, Sequence, Tick, Ticks,
 };
 
+use crate::axis::AxisError;
 use crate::card::Card;
 use crate::clock::{Clock, Monotonic, TimeScale};
 
@@ -58,9 +59,9 @@ pub enum WorkerError {
     /// The configuration.
     #[error(transparent)]
     Config(#[from] ConfigError),
-    /// The ramp of its axis.
+    /// Its axis.
     #[error(transparent)]
-    Ramp(#[from] RampError),
+    Axis(#[from] AxisError),
     /// The configuration has no such axis.
     #[error("the configuration has no axis with address {0}")]
     NoSuchAxis(u8),
@@ -126,11 +127,13 @@ impl<T: Transmit, R: Receive> Worker<T, R> {
         self.card.advance(self.clock.now(), &mut self.said);
         self.speak(Occasion::Joined)?;
         let mut heartbeat = self.clock.now() + self.heartbeat;
+        let mut braked = false;
         loop {
             // Read before the bus: a command that came before the end is then still carried out.
             let lifeline = lifeline.load(Ordering::Acquire);
             self.catch_up()?;
-            if lifeline == ENDED && self.card.next_event().is_some() {
+            if lifeline == ENDED && !braked && self.card.next_event().is_some() {
+                braked = true;
                 self.card.emergency(Alarm::CcuLost, &mut self.said);
                 self.flush()?;
             }

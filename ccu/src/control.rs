@@ -19,6 +19,8 @@ use crate::home::Home;
 pub enum ToDaemon {
     /// Something for the executive.
     Do(Request),
+    /// The same for a program: if it is halted, the program waits until it is resumed.
+    DoOrWait(Request),
     /// What set are you?
     Describe,
     /// Take the set down.
@@ -83,6 +85,7 @@ pub struct DownReport {
 #[derive(Debug)]
 pub struct Client {
     name: String,
+    waits: bool,
     stream: BufReader<UnixStream>,
 }
 
@@ -94,7 +97,7 @@ impl Client {
     pub fn connect(home: &Home) -> Result<Self, Failure> {
         let name = home.name().to_string();
         match UnixStream::connect(home.socket()) {
-            Ok(stream) => Ok(Self { name, stream: BufReader::new(stream) }),
+            Ok(stream) => Ok(Self { name, waits: false, stream: BufReader::new(stream) }),
             Err(error)
                 if matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::ConnectionRefused) =>
             {
@@ -102,6 +105,12 @@ impl Client {
             }
             Err(error) => Err(Failure::Control { reason: error.to_string() }),
         }
+    }
+
+    /// The client of a program, which waits when its movements are halted, until they are resumed.
+    #[must_use]
+    pub fn of_a_program(self) -> Self {
+        Self { waits: true, ..self }
     }
 
     /// What set it is.
@@ -154,7 +163,8 @@ impl Client {
 
 impl Operate for Client {
     fn operate(&mut self, request: Request) -> Result<Outcome, Failure> {
-        match self.ask(&ToDaemon::Do(request))? {
+        let message = if self.waits { ToDaemon::DoOrWait(request) } else { ToDaemon::Do(request) };
+        match self.ask(&message)? {
             FromDaemon::Done(outcome) => Ok(outcome),
             FromDaemon::Failed(failure) => Err(failure),
             other => Err(unexpected(&other)),

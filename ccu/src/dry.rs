@@ -9,15 +9,14 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use axis_worker::clock::TimeScale;
-use axis_worker::{Card, Sink};
-use supersigma_config::RampError;
+use axis_worker::{AxisError, Card, Sink};
 use supersigma_protocol::bus::in_process::{InProcessBus, InProcessReceive, InProcessTap, InProcessTransmit};
 use supersigma_protocol::bus::{Bus, BusError, Receive, Tap, Transmit, Wake};
 use supersigma_protocol::{
-    Answer, AxisNumber, Body, Broadcast, Frame, Occasion, Position, Sender, Sequence, Tick, Ticks,
+    Answer, AxisNumber, Body, Broadcast, Fault, Frame, Occasion, Position, Sender, Sequence, Tick, Ticks,
 };
 
-use crate::executive::{Failure, Heard, Knowledge, Link};
+use crate::executive::{Common, Failure, Heard, Knowledge, Link};
 use crate::log::{LogError, LogHeader, LogSummary, LogWriter};
 
 /// Where pulses go.
@@ -77,6 +76,7 @@ impl<W: Write> PulseWriter for PulseCsv<W> {
 /// A set in virtual time.
 pub struct DrySet<P> {
     knowledge: Arc<Knowledge>,
+    common: Arc<Common>,
     now: Tick,
     transmit: InProcessTransmit,
     receive: InProcessReceive,
@@ -117,9 +117,9 @@ impl<P: PulseWriter> Sink for Said<P> {
 /// Why a dry run cannot begin or end.
 #[derive(Debug, thiserror::Error)]
 pub enum DryError {
-    /// The ramp of an axis.
+    /// An axis.
     #[error(transparent)]
-    Ramp(#[from] RampError),
+    Axis(#[from] AxisError),
     /// The in-process bus.
     #[error(transparent)]
     Bus(#[from] BusError),
@@ -158,7 +158,18 @@ impl<P: PulseWriter> DrySet<P> {
             Ok(Seat { card, transmit, receive, sequence: Sequence(0), said })
         });
         let cards = seats.collect::<Result<_, BusError>>()?;
-        Ok(Self { knowledge, now: Tick(0), transmit, receive, sequence: Sequence(0), cards, pulses, log })
+        let common = Arc::default();
+        Ok(Self {
+            knowledge,
+            common,
+            now: Tick(0),
+            transmit,
+            receive,
+            sequence: Sequence(0),
+            cards,
+            pulses,
+            log,
+        })
     }
 
     /// The virtual time.
@@ -195,6 +206,15 @@ impl<P: PulseWriter> DrySet<P> {
         }
         self.write_pulses()?;
         self.log_frames().map_err(bus_gone)
+    }
+
+    fn put(&mut self, body: Body) -> Result<Sequence, Failure> {
+        let sequence = self.sequence;
+        self.sequence = sequence.next();
+        let frame = Frame { sender: Sender::Ccu, sequence, tick: self.now, body };
+        self.transmit.send(&frame.encode(), Wake::Everyone).map_err(bus_gone)?;
+        self.exchange()?;
+        Ok(sequence)
     }
 
     fn write_pulses(&mut self) -> Result<(), Failure> {
@@ -259,13 +279,19 @@ impl<P: PulseWriter> Link for DrySet<P> {
         TimeScale::REAL.ticks(real)
     }
 
+    fn common(&self) -> Arc<Common> {
+        Arc::clone(&self.common)
+    }
+
+    /// Nobody else is there.
+    fn tell_resume(&self) {}
+
     fn send(&mut self, broadcast: Broadcast) -> Result<Sequence, Failure> {
-        let sequence = self.sequence;
-        self.sequence = sequence.next();
-        let frame = Frame { sender: Sender::Ccu, sequence, tick: self.now, body: Body::Command(broadcast) };
-        self.transmit.send(&frame.encode(), Wake::Everyone).map_err(bus_gone)?;
-        self.exchange()?;
-        Ok(sequence)
+        self.put(Body::Command(broadcast))
+    }
+
+    fn inject(&mut self, axis: AxisNumber, fault: Fault) -> Result<Sequence, Failure> {
+        self.put(Body::Fault(axis, fault))
     }
 
     fn hear(&mut self, until: Tick) -> Result<Option<Heard>, Failure> {

@@ -1,9 +1,9 @@
 //! One movement of one axis, on the machine that the workers run: every count written to counter 0, every pulse, and
 //! what the card said on the way. Nothing is planned in here; what the machine does is written down.
 
-use axis_worker::{Axis, Sink};
+use axis_worker::{Axis, AxisError, Sink};
 use serde::Serialize;
-use supersigma_config::{AxisConfig, RampConfig, RampError, ShortMoves};
+use supersigma_config::{AxisConfig, Feedback, RampConfig, ShortMoves};
 use supersigma_protocol::{
     Activity, Answer, AxisReport, Command, Count, Direction, Distance, Operation, Position, Report,
     SpeedIndex, Steps, Tick, Ticks,
@@ -66,8 +66,8 @@ pub struct Wanted {
 /// Makes the movement `wanted` on an axis with this ramp, and writes down what happens.
 ///
 /// # Errors
-/// If the ramp does not give a table.
-pub fn profile(axis: &AxisConfig, ramp: &RampConfig, wanted: Wanted) -> Result<Profile, RampError> {
+/// If the axis cannot be made of its configuration.
+pub fn profile(axis: &AxisConfig, ramp: &RampConfig, wanted: Wanted) -> Result<Profile, AxisError> {
     let mut machine = Axis::new(&roomy(axis), ramp)?;
     let operation = operation(wanted);
     let to = axis.address.address();
@@ -85,7 +85,8 @@ pub fn profile(axis: &AxisConfig, ramp: &RampConfig, wanted: Wanted) -> Result<P
 
 /// The axis on a rail that is long enough for every movement.
 fn roomy(axis: &AxisConfig) -> AxisConfig {
-    let mut axis = axis.clone();
+    // What the chip is told does not depend on what a motor makes of it.
+    let mut axis = AxisConfig { motor: None, feedback: Feedback::Open, ..axis.clone() };
     let room = u32::from(Distance::MAX.get());
     let (one, two) = (Steps(1), Steps(2));
     (axis.rail.lower_zone, axis.rail.start, axis.rail.reference) = (one, one, two);

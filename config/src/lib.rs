@@ -9,6 +9,7 @@ mod document;
 mod fault;
 mod load;
 mod model;
+mod motor;
 mod problem;
 mod ramp;
 mod rules;
@@ -20,8 +21,10 @@ pub use document::KeyPath;
 pub use fault::{ConfigError, Fault};
 pub use load::DEFAULT_TOML;
 pub use model::{
-    AxisConfig, Config, DigitalConfig, ExecutiveConfig, InputConfig, LineConfig, LogConfig,
-    OriginationConfig, OutputConfig, RailConfig, RampConfig, ShortMoves, SupervisionConfig, TravelConfig,
+    AxisConfig, Config, DigitalConfig, ExecutiveConfig, Feedback, FollowingConfig, InputConfig, LineConfig,
+    LogConfig, OriginationConfig, OutputConfig, RailConfig, RampConfig, ShortMoves, SupervisionConfig,
+    TravelConfig,
 };
+pub use motor::{HALF_STEPS_PER_CYCLE, MotorConfig, MotorError};
 pub use problem::Problem;
 pub use ramp::{RampError, SPEEDS};

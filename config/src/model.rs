@@ -4,6 +4,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use supersigma_protocol::{AxisNumber, Position, SpeedIndex, Steps};
 
+use crate::MotorConfig;
+
 /// A whole set.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -107,11 +109,14 @@ pub struct ExecutiveConfig {
     /// Real milliseconds beyond the planned end after which a movement is overdue.
     #[schemars(range(min = 1))]
     pub overdue_ms: u32,
+    /// Whether a movement that is overdue, or whose shaft did not follow, is tried again, and then once more from the
+    /// reference step.
+    pub recover: bool,
 }
 
 impl Default for ExecutiveConfig {
     fn default() -> Self {
-        Self { answer_ms: 500, overdue_ms: 500 }
+        Self { answer_ms: 500, overdue_ms: 500, recover: true }
     }
 }
 
@@ -168,6 +173,15 @@ pub struct AxisConfig {
     /// A ramp of its own. What it leaves out is as in the set's ramp.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ramp: Option<RampConfig>,
+    /// Whether the card believes its pulses, or measures the shaft; closed loop needs a `motor` with its encoder.
+    #[serde(default, rename = "loop")]
+    pub feedback: Feedback,
+    /// Closed loop: how far the shaft may lag, and when it counts as standing.
+    #[serde(default)]
+    pub following: FollowingConfig,
+    /// A motor that can lose steps. Without it the carriage makes every step that it is told to.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motor: Option<MotorConfig>,
 }
 
 /// A rail, in steps e from its lower stop (e = 0) to its upper one (e = length), as in \[F\] Fig 3.
@@ -196,6 +210,33 @@ pub struct TravelConfig {
     pub min: Position,
     /// The highest: not in the upper limit zone.
     pub max: Position,
+}
+
+/// How a card knows where its axis is, \[F\].
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Feedback {
+    /// It counts its pulses: X4 when they have ended, X5 never.
+    #[default]
+    Open,
+    /// It reads the encoder: X4 when the target is reached, X5 when the shaft is slower than S1.
+    Closed,
+}
+
+/// What closed loop tolerates.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct FollowingConfig {
+    /// Steps between pulses and shaft from which on it is an alarm.
+    pub limit: Steps,
+    /// S1: below so many steps per second the shaft counts as standing.
+    pub s1: f64,
+}
+
+impl Default for FollowingConfig {
+    fn default() -> Self {
+        Self { limit: Steps(64), s1: 50.0 }
+    }
 }
 
 /// How the origin is found.

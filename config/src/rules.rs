@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use std::hash::Hash;
 
 use crate::problem::Problem;
-use crate::{AxisConfig, Config, KeyPath, RampConfig, RampError, SPEEDS};
+use crate::{AxisConfig, Config, Feedback, KeyPath, MotorConfig, RampConfig, RampError, SPEEDS};
 
 /// Positions are then far from the ends of their type.
 const LONGEST_RAIL: u32 = 1_000_000;
@@ -43,6 +43,19 @@ pub(crate) fn check(config: &Config) -> Vec<Finding> {
         };
         if let Ok(counts) = counts {
             findings.origination(&key, axis, &counts, config.ramp_of(axis));
+        }
+        if axis.feedback == Feedback::Closed && axis.motor.is_none() {
+            let reason =
+                "closed loop needs an encoder, which comes with a motor; add `motor = {}`".to_owned();
+            findings.add(key.key("loop"), Problem::Refused { reason });
+        }
+        if !(axis.following.s1 > 0.0 && axis.following.s1.is_finite()) {
+            let reason = "S1 is a speed above 0 steps per second".to_owned();
+            findings.add(key.key("following").key("s1"), Problem::Refused { reason });
+        }
+        if let Some(Err(error)) = axis.motor.as_ref().map(MotorConfig::check) {
+            let problem = Problem::Refused { reason: error.to_string() };
+            findings.add(key.key("motor").key(error.parameter()), problem);
         }
     }
     findings.digital(config);

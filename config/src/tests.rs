@@ -165,6 +165,7 @@ prop_compose! {
         speed in 0..=90_u8,
         ramp in proptest::option::of((10_000.0..15_000.0_f64, 0..=65_535_u32)),
         reach in 0.0..=1.0_f64,
+        motor in proptest::option::of((0.1..5.0_f64, 1e-5..1e-2_f64)),
     ) -> AxisConfig {
         let upper = lower + gaps.0 + gaps.1;
         #[expect(clippy::cast_possible_truncation, reason = "at most 20 500")]
@@ -182,6 +183,9 @@ prop_compose! {
             travel: TravelConfig { min: Position(max / 2), max: Position(max) },
             origination: OriginationConfig { speed: SpeedIndex::new(speed).expect("at most 90") },
             ramp: ramp.map(|(amplitude, offset)| RampConfig { amplitude, offset, ..RampConfig::default() }),
+            feedback: if motor.is_some() { Feedback::Closed } else { Feedback::Open },
+            following: FollowingConfig { s1: 20.0 + reach, ..FollowingConfig::default() },
+            motor: motor.map(|(holding_torque, rotor_inertia)| MotorConfig { holding_torque, rotor_inertia, ..MotorConfig::bench() }),
         }
     }
 }

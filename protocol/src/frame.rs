@@ -1,12 +1,13 @@
 //! One frame of the bus: an envelope (sender, sequence, tick) round a command or an answer, encoded with postcard.
 //! The same bytes go over shared memory and into the log. Decoding never panics; bytes left over are an error.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::command::{Command, CommandBytes};
 use crate::refusal::Refusal;
-use crate::report::Report;
-use crate::units::{Address, Sequence, Tick};
+use crate::report::{End, Report};
+use crate::units::{Address, AxisNumber, Sequence, Steps, Tick};
 
 /// No frame is longer.
 pub const MAX_FRAME_BYTES: usize = 128;
@@ -49,6 +50,47 @@ pub enum Body {
     Command(Broadcast),
     /// From a card to the CCU.
     Answer(Answer),
+    /// From the CCU to one card's test socket: a fault on purpose. The card answers it like a command.
+    Fault(AxisNumber, Fault),
+}
+
+/// A fault that is made on purpose, to see what happens.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Fault {
+    /// The excessive-force input closes for a moment.
+    Force,
+    /// The end-of-rail input of this end closes for a moment.
+    Limit(End),
+    /// The next pulses do not reach the motor.
+    LostSteps(Steps),
+    /// The limit switch of the origination sticks, or is free again.
+    Switch(Switch),
+}
+
+impl std::fmt::Display for Fault {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Force => f.write_str("excessive force"),
+            Self::Limit(end) => write!(f, "{end} end of the rail"),
+            Self::LostSteps(steps) => write!(f, "the next {steps} pulses are lost"),
+            Self::Switch(Switch::Free) => f.write_str("limit switch free"),
+            Self::Switch(Switch::StuckOpen) => f.write_str("limit switch stuck open"),
+            Self::Switch(Switch::StuckClosed) => f.write_str("limit switch stuck closed"),
+        }
+    }
+}
+
+/// What is wrong with a limit switch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Switch {
+    /// Nothing.
+    Free,
+    /// It never closes.
+    StuckOpen,
+    /// It never opens.
+    StuckClosed,
 }
 
 /// The command bytes and, for those that begin at a common moment, that moment.

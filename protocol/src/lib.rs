@@ -11,12 +11,15 @@ mod frame;
 mod refusal;
 mod report;
 mod units;
+pub mod words;
 
 pub use command::{Command, CommandBytes, Operation, TooManyBytes};
-pub use frame::{About, Answer, Body, Broadcast, Frame, FrameError, MAX_FRAME_BYTES, Occasion, Sender};
+pub use frame::{
+    About, Answer, Body, Broadcast, Fault, Frame, FrameError, MAX_FRAME_BYTES, Occasion, Sender, Switch,
+};
 pub use refusal::Refusal;
 pub use report::{Activity, Alarm, AxisReport, End, Report, SensePoint, StatusWord};
 pub use units::{
-    Address, AxisNumber, CardKind, Count, Direction, Distance, Position, Sequence, SpeedIndex, Steps, Tick,
-    Ticks,
+    Address, AxisNumber, CardKind, Count, Deviation, Direction, Distance, Position, Sequence, SpeedIndex,
+    Steps, Tick, Ticks,
 };

@@ -5,7 +5,7 @@ use std::fmt;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::units::{Position, Steps};
+use crate::units::{Deviation, Position, Steps};
 
 /// The sense points of \[F\].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -97,6 +97,9 @@ pub struct AxisReport {
     pub activity: Activity,
     /// Why it does nothing more until it is cleared.
     pub alarm: Option<Alarm>,
+    /// What the last origination found: by how much the axis stood off from where the card believed it to be. `None` if
+    /// the card did not believe anything.
+    pub lost: Option<Deviation>,
 }
 
 /// What an axis is doing. The order is on the wire: new ones come last.
@@ -121,6 +124,8 @@ pub enum Activity {
     Originating,
     /// Looking for the reference step.
     SeekingReference,
+    /// The pulses are out; in closed loop, the shaft comes to rest and is looked at.
+    Settling,
 }
 
 impl fmt::Display for Activity {
@@ -135,6 +140,7 @@ impl fmt::Display for Activity {
             Self::Braking => "braking",
             Self::Originating => "originating",
             Self::SeekingReference => "seeking reference",
+            Self::Settling => "settling",
         })
     }
 }
@@ -186,6 +192,9 @@ pub enum Alarm {
     /// Frames for this card were lost on the bus.
     #[error("{0} command frames were lost on the bus")]
     FramesLost(u32),
+    /// In closed loop the encoder is too far from where the pulses should have brought the shaft.
+    #[error("the shaft is {0} steps from where it should be")]
+    FollowingError(Steps),
 }
 
 #[cfg(test)]

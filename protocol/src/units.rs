@@ -163,6 +163,21 @@ impl fmt::Display for Position {
     }
 }
 
+/// By how many steps an axis stands further from the origin than it was believed to; negative if nearer.
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize, JsonSchema,
+)]
+#[serde(transparent)]
+pub struct Deviation(pub i32);
+
+impl Position {
+    /// How much further from the origin than `believed` this is.
+    #[must_use]
+    pub fn deviation_from(self, believed: Self) -> Deviation {
+        Deviation(self.0.saturating_sub(believed.0))
+    }
+}
+
 /// The sense of a movement, bit 7 of the op-code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]

@@ -14,19 +14,25 @@
 //!
 //! An alarm is no state of its own: it accompanies the state, forbids new movements, and stays until `Clear`.
 
+mod arming;
+mod following;
 mod movement;
 mod search;
+mod searching;
+mod servo;
 
 use supersigma_config::{AxisConfig, RampConfig, RampError, TravelConfig};
 use supersigma_protocol::{
-    Activity, Alarm, AxisReport, Direction, Distance, End, Operation, Position, Refusal, SensePoint,
+    Activity, Alarm, AxisReport, Deviation, Direction, End, Fault, Operation, Position, Refusal, SensePoint,
     SpeedIndex, StatusWord, Steps, Tick,
 };
 
+use self::arming::{Armed, Lead};
 use self::movement::Movement;
 use self::search::{Bounds, Found, Goal, Search, Stage};
+use self::servo::{Servo, Settling};
 use crate::board::{Board, Sink};
-use crate::ramp::{Leg, Plan, Schedule, Share, Stop, Table};
+use crate::ramp::{Plan, Schedule, Stop, Table};
 
 /// The program and its few variables.
 #[derive(Debug)]
@@ -40,25 +46,14 @@ pub struct Firmware {
     base: Option<Position>,
     /// Steps of the last movement.
     steps: Steps,
+    /// What the last origination found.
+    lost: Option<Deviation>,
+    /// Closed loop, if the axis is in it.
+    servo: Option<Servo>,
     lead: Option<Lead>,
     /// Commanded for a tick to come.
     halt_at: Option<Tick>,
     brake_at: Option<Tick>,
-}
-
-/// What a `Lead` command said.
-#[derive(Debug, Clone, Copy)]
-struct Lead {
-    distance: Distance,
-    limit: SpeedIndex,
-}
-
-/// A path that waits for its start: what the leading axis makes of each leg, and what this one does.
-#[derive(Debug, Default)]
-struct Armed {
-    legs: Vec<Leg>,
-    shares: Vec<Share>,
-    start: Option<Tick>,
 }
 
 /// What the axis is doing; each state holds what only it needs.
@@ -67,21 +62,11 @@ enum State {
     Standing,
     Armed(Armed),
     Moving(Movement),
+    /// Closed loop: the pulses are out, the shaft comes to rest.
+    Settling(Settling),
+    /// Closed loop: the origin is found, and the encoder's zero will be where the shaft comes to rest.
+    Zeroing(Search, Settling),
     Searching(Search, Movement),
-}
-
-/// How many legs a path may have.
-const LEGS: usize = 32;
-
-impl Armed {
-    fn schedule(&self, table: &Table) -> Schedule {
-        let plan = match self.legs[..] {
-            // A single line is a movement like any other, and made by the axis' method.
-            [Leg { distance, limit, .. }] => Plan::ramped(table, distance, limit),
-            _ => Plan::path(table, &self.legs),
-        };
-        Schedule::shared(plan, &self.shares)
-    }
 }
 
 impl Firmware {
@@ -98,6 +83,8 @@ impl Firmware {
             alarm: None,
             base: None,
             steps: Steps(0),
+            lost: None,
+            servo: Servo::new(axis),
             lead: None,
             halt_at: None,
             brake_at: None,
@@ -176,8 +163,11 @@ impl Firmware {
             State::Standing => None,
             State::Armed(armed) => armed.start,
             State::Moving(movement) | State::Searching(_, movement) => Some(movement.wake_at()),
+            State::Settling(settling) | State::Zeroing(_, settling) => Some(settling.look_at()),
         };
-        [own, self.halt_at, self.brake_at].into_iter().flatten().min()
+        let moving = matches!(self.state, State::Moving(_));
+        let follow = self.servo.as_ref().filter(|_| moving).map(Servo::look_at);
+        [own, follow, self.halt_at, self.brake_at].into_iter().flatten().min()
     }
 
     /// Does what is due at the board's tick.
@@ -199,13 +189,26 @@ impl Firmware {
             }
             State::Moving(movement) => {
                 if movement.wake(board, sink) {
-                    self.stand(board);
+                    self.pulses_out(board);
+                } else {
+                    self.follow(board, sink);
+                }
+            }
+            State::Settling(_) => self.settle(board, sink),
+            State::Zeroing(search, settling) => {
+                if settling.is_over(board) {
+                    let search = *search;
+                    if let Some(servo) = &mut self.servo {
+                        servo.set_zero(board);
+                    }
+                    self.at_origin(search, board, sink);
                 }
             }
             State::Searching(search, movement) => {
+                let direction = movement.direction(board);
                 if movement.wake(board, sink) {
                     let search = *search;
-                    self.stage_over(search, board, sink);
+                    self.stage_over(search, direction, board, sink);
                 }
             }
         }
@@ -226,11 +229,26 @@ impl Firmware {
                 Found::Nothing => {}
                 Found::Switch => {
                     search.stage = Stage::Overshoot;
+                    search.of_stage = movement.steps(board);
                     movement.stop(&self.table, Stop::Halt, board, sink);
                 }
                 Found::Goal => movement.cut(board),
             },
-            State::Standing | State::Armed(_) => {}
+            State::Standing | State::Armed(_) | State::Settling(_) | State::Zeroing(..) => {}
+        }
+    }
+
+    /// Makes a fault on purpose.
+    pub fn fail(&mut self, fault: Fault, board: &mut Board, sink: &mut impl Sink) {
+        let now = board.now();
+        match fault {
+            Fault::Force => self.emergency(Alarm::ExcessiveForce, board, sink),
+            Fault::Limit(end) => self.emergency(Alarm::EndOfRail(end), board, sink),
+            Fault::LostSteps(steps) => board.mechanism_mut().lose(steps),
+            Fault::Switch(switch) => {
+                board.mechanism_mut().set_switch(switch, now);
+                self.sense(board, sink);
+            }
         }
     }
 
@@ -246,26 +264,41 @@ impl Firmware {
         let (activity, made) = match &self.state {
             State::Standing => (Activity::Standing, Steps(0)),
             State::Armed(_) => (Activity::Armed, Steps(0)),
+            State::Settling(_) => (Activity::Settling, Steps(0)),
+            State::Zeroing(search, _) => (search.activity(), Steps(0)),
             State::Moving(movement) => {
                 (movement.phase().map_or(Activity::Standing, Activity::from), Steps(0))
             }
             State::Searching(search, _) => (search.activity(), search.made),
         };
         let (steps, position) = match &self.state {
-            State::Standing | State::Armed(_) => (self.steps, self.base),
+            State::Standing | State::Armed(_) | State::Settling(_) | State::Zeroing(..) => {
+                (self.steps, self.base)
+            }
             State::Moving(movement) | State::Searching(_, movement) => {
                 let steps = movement.steps(board);
                 (made + steps, self.base.map(|base| movement.position(base, board)))
             }
         };
+        let (steps, position) = match (&self.servo, &self.state) {
+            (Some(servo), State::Moving(_) | State::Settling(_)) => {
+                servo.measured(board).map_or((steps, position), |(steps, position)| (steps, Some(position)))
+            }
+            (Some(servo), State::Standing) => {
+                (steps, servo.measured(board).map_or(position, |(_, position)| Some(position)))
+            }
+            _ => (steps, position),
+        };
         let detectors = board.detectors();
-        // Open loop: X4 says that no pulse train is being made, and X5 is never claimed, for nothing measures speed.
+        // Open loop: X4 says that no pulse train is being made, and X5 is never claimed, for nothing measures speed. Closed
+        // loop: a movement is over when the target has been reached, and X5 says that the shaft is slower than S1.
         let sense = StatusWord::default()
             .with(SensePoint::X1, detectors.lower)
             .with(SensePoint::X2, detectors.upper)
             .with(SensePoint::X3, detectors.reference)
-            .with(SensePoint::X4, matches!(self.state, State::Standing | State::Armed(_)));
-        AxisReport { sense, steps, position, activity, alarm: self.alarm }
+            .with(SensePoint::X4, matches!(self.state, State::Standing | State::Armed(_)))
+            .with(SensePoint::X5, self.servo.is_some() && detectors.slow);
+        AxisReport { sense, steps, position, activity, alarm: self.alarm, lost: self.lost }
     }
 
     /// The axis' ramp.
@@ -274,142 +307,12 @@ impl Firmware {
         &self.table
     }
 
-    fn standing(&self) -> Result<(), Refusal> {
-        match (&self.state, self.alarm) {
-            (State::Standing, None) => Ok(()),
-            (State::Standing, Some(_)) => Err(Refusal::InAlarm),
-            _ => Err(Refusal::Moving),
-        }
-    }
-
-    fn ready_for(&self, direction: Direction, distance: Distance, board: &Board) -> Result<(), Refusal> {
-        self.standing()?;
-        self.within_travel(&[], direction, distance, board)
-    }
-
-    /// Whether the axis may go on by `distance` after `shares`.
-    fn within_travel(
-        &self,
-        shares: &[Share],
-        direction: Direction,
-        distance: Distance,
-        board: &Board,
-    ) -> Result<(), Refusal> {
-        let base = self.base.ok_or(Refusal::NotOriginated)?;
-        let mut moves = shares.iter().filter_map(|share| share.own);
-        let end = ahead(direction);
-        if board.detectors().zone() == Some(end) && moves.clone().next().is_none() {
-            return Err(Refusal::AtEnd { end });
-        }
-        let from = moves.try_fold(base, |position, (direction, distance)| {
-            Ok(position.moved(direction, distance.steps()))
-        })?;
-        let target = from.moved(direction, distance.steps());
-        let TravelConfig { min, max } = self.travel;
-        let leaves = match direction {
-            Direction::Forward => target > max,
-            Direction::TowardsOrigin => target < min,
-        };
-        if leaves { Err(Refusal::OutOfTravel { target, min, max }) } else { Ok(()) }
-    }
-
-    /// Whether a leg may be armed: standing free, or armed and not yet about to start.
-    fn armable(&self) -> Result<(), Refusal> {
-        match &self.state {
-            State::Armed(armed) if armed.start.is_none() => {
-                if armed.legs.len() < LEGS {
-                    Ok(())
-                } else {
-                    Err(Refusal::PathFull)
-                }
-            }
-            _ => self.standing(),
-        }
-    }
-
-    /// Takes the axis' own part of the leg whose leading axis is set; `None` means that it stands.
-    fn arm(&mut self, own: Option<(Direction, Distance)>, board: &Board) -> Result<(), Refusal> {
-        self.armable()?;
-        let lead = self.lead.ok_or(Refusal::NoLead)?;
-        let armed = match &self.state {
-            State::Armed(armed) => armed,
-            _ => &Armed::default(),
-        };
-        if let Some((direction, distance)) = own {
-            if distance > lead.distance {
-                return Err(Refusal::LongerThanLead { steps: distance.get(), lead: lead.distance.get() });
-            }
-            self.within_travel(&armed.shares, direction, distance, board)?;
-            let before: u32 =
-                armed.shares.iter().filter_map(|share| share.own).map(|own| own.1.steps().0).sum();
-            let total = before + distance.steps().0;
-            if total > Distance::MAX.steps().0 {
-                return Err(Refusal::PathTooLong { steps: total });
-            }
-        } else if self.base.is_none() {
-            return Err(Refusal::NotOriginated);
-        }
-        if matches!(self.state, State::Standing) {
-            self.steps = Steps(0);
-            self.state = State::Armed(Armed::default());
-        }
-        if let State::Armed(armed) = &mut self.state {
-            let Lead { distance, limit } = lead;
-            armed.legs.push(Leg { distance, limit, joint: SpeedIndex::START });
-            armed.shares.push(Share { lead: distance, own });
-        }
-        self.lead = None;
-        Ok(())
-    }
-
-    /// Says how fast the joint after the last armed leg may be passed.
-    fn join(&mut self, limit: SpeedIndex) -> Result<(), Refusal> {
-        match &mut self.state {
-            State::Armed(Armed { legs, start: None, .. }) => {
-                if let Some(last) = legs.last_mut() {
-                    last.joint = limit;
-                }
-                Ok(())
-            }
-            State::Standing | State::Armed(_) => Err(Refusal::NotArmed),
-            _ => Err(Refusal::Moving),
-        }
-    }
-
-    fn go(&mut self, at: Option<Tick>, alone: bool, board: &Board) -> Result<(), Refusal> {
-        let State::Armed(Armed { start, .. }) = &mut self.state else {
-            // Said to everyone, it concerns those that are armed.
-            return if alone { Err(Refusal::NotArmed) } else { Ok(()) };
-        };
-        let at = at.ok_or(Refusal::NoStartTick)?;
-        if at < board.now() {
-            return Err(Refusal::Late { by: board.now().since(at) });
-        }
-        *start = Some(at);
-        Ok(())
-    }
-
-    fn search(&mut self, goal: Goal, board: &mut Board, sink: &mut impl Sink) -> Result<(), Refusal> {
-        self.standing()?;
-        self.base = None;
-        self.begin_stage(Search::new(goal, board.detectors()), board, sink);
-        Ok(())
-    }
-
     fn begin(&mut self, schedule: Schedule, board: &mut Board, sink: &mut impl Sink) {
         self.lead = None;
-        self.state = State::Moving(Movement::begin(schedule, board, sink));
-    }
-
-    fn begin_stage(&mut self, search: Search, board: &mut Board, sink: &mut impl Sink) {
-        self.lead = None;
-        if let Some((direction, plan)) = self.bounds.plan(search.stage, search.of_stage, &self.table) {
-            self.state =
-                State::Searching(search, Movement::begin(Schedule::alone(plan, direction), board, sink));
-        } else {
-            self.alarm = Some(search.failure());
-            self.base = None;
+        if let Some(servo) = &mut self.servo {
+            servo.begin(self.base, board);
         }
+        self.state = State::Moving(Movement::begin(schedule, board, sink));
     }
 
     /// The last pulse of a movement has come.
@@ -418,27 +321,6 @@ impl Firmware {
         (self.steps, self.base) = (report.steps, report.position);
         self.halt_at = None;
         self.state = State::Standing;
-    }
-
-    /// The last pulse of one stage of a search has come.
-    fn stage_over(&mut self, search: Search, board: &mut Board, sink: &mut impl Sink) {
-        let detectors = board.detectors();
-        self.stand(board);
-        let next = |stage| Search { stage, made: self.steps, of_stage: Steps(0), ..search };
-        match search.stage {
-            Stage::Overshoot if detectors.lower => self.begin_stage(next(Stage::Release), board, sink),
-            Stage::Release if !detectors.lower => {
-                self.base = Some(Position(0));
-                if search.goal == Goal::Reference {
-                    self.begin_stage(next(Stage::LockIn), board, sink);
-                }
-            }
-            Stage::LockIn if detectors.reference => {}
-            unfinished => {
-                let of_stage = search.of_stage + (self.steps - search.made);
-                self.begin_stage(Search { of_stage, ..next(unfinished) }, board, sink);
-            }
-        }
     }
 
     fn stop_at(&mut self, stop: Stop, at: Option<Tick>, board: &mut Board, sink: &mut impl Sink) {
@@ -460,8 +342,10 @@ impl Firmware {
             self.alarm.get_or_insert(Alarm::Braked);
         }
         self.state = match std::mem::replace(&mut self.state, State::Standing) {
-            State::Standing | State::Armed(_) => State::Standing,
             // A search that is stopped is over: it never goes on by itself, and the position stays unknown.
+            State::Standing | State::Armed(_) | State::Zeroing(..) => State::Standing,
+            // The pulses are out already; the shaft comes to rest in any case.
+            State::Settling(settling) => State::Settling(settling),
             State::Moving(mut movement) | State::Searching(_, mut movement) => {
                 movement.stop(&self.table, stop, board, sink);
                 State::Moving(movement)

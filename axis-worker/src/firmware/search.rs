@@ -3,16 +3,19 @@
 //!
 //! ```text
 //!   rail      ╟──── X1 = 1 ────┤────────┼─────────────────────
-//!   approach                ◄──│────────────────────────────  backward, until the limit switch closes
+//!   approach                ◄──│────────────────────────────  backward and fast, until the limit switch closes
 //!   overshoot            ◄─────│                              down the ramp
-//!   release              ──────►                              forward at low speed, until it opens: position 0
-//!   lock in                    ──────────►                    forward at low speed, to the reference step (X3)
+//!   back off             ──────│──►                           forward by the overshoot and a little more
+//!   return                    ◄│────                          backward and slowly, until it closes again
+//!   release                   ─►                              forward and slowly, until it opens: position 0
+//!   lock in                    ──────────►                    forward and slowly, to the reference step (X3)
 //! ```
 //!
-//! Every stage is bounded in steps, so that a dead or stuck switch ends in an alarm and not at the stop.
+//! Whatever the speed of the approach, the point is found slowly and from one side. Whoever begins on the switch begins
+//! with the release. Every stage is bounded in steps, so that a dead or stuck switch ends in an alarm and not at the stop.
 
 use supersigma_config::{AxisConfig, RailConfig};
-use supersigma_protocol::{Activity, Alarm, Direction, Distance, SpeedIndex, Steps};
+use supersigma_protocol::{Activity, Alarm, Direction, Distance, Position, SpeedIndex, Steps};
 
 use crate::mechanism::Detectors;
 use crate::ramp::{Plan, Table};
@@ -33,6 +36,10 @@ pub(super) enum Stage {
     Approach,
     /// Backward, down the ramp.
     Overshoot,
+    /// Forward, by so many steps.
+    BackOff(Steps),
+    /// Backward, until the limit switch closes again.
+    Return,
     /// Forward, until the limit switch opens.
     Release,
     /// Forward, to the reference step.
@@ -57,15 +64,17 @@ pub(super) struct Search {
     pub(super) stage: Stage,
     /// Steps of the movements before this one.
     pub(super) made: Steps,
+    /// Where the card believes to be, if it believed anything when the search began.
+    pub(super) believed: Option<Position>,
     /// Those of them that belong to this stage: a rail may be longer than one movement.
     pub(super) of_stage: Steps,
 }
 
 impl Search {
     /// The search for `goal`, from where the detectors say this.
-    pub(super) fn new(goal: Goal, detectors: Detectors) -> Self {
+    pub(super) fn new(goal: Goal, detectors: Detectors, believed: Option<Position>) -> Self {
         let stage = if detectors.lower { Stage::Release } else { Stage::Approach };
-        Self { goal, stage, made: Steps(0), of_stage: Steps(0) }
+        Self { goal, stage, made: Steps(0), believed, of_stage: Steps(0) }
     }
 
     /// How the status names it.
@@ -80,6 +89,7 @@ impl Search {
     pub(super) fn judge(&self, detectors: Detectors) -> Found {
         match self.stage {
             Stage::Approach if detectors.lower => Found::Switch,
+            Stage::Return if detectors.lower => Found::Goal,
             Stage::Release if !detectors.lower => Found::Goal,
             Stage::LockIn if detectors.reference => Found::Goal,
             _ => Found::Nothing,
@@ -89,12 +99,15 @@ impl Search {
     /// The alarm if the stage has made all its steps without finding what it looks for.
     pub(super) fn failure(&self) -> Alarm {
         match self.stage {
-            Stage::Approach | Stage::Overshoot => Alarm::SwitchNeverClosed(self.of_stage),
-            Stage::Release => Alarm::SwitchNeverOpened(self.of_stage),
+            Stage::Approach | Stage::Overshoot | Stage::Return => Alarm::SwitchNeverClosed(self.of_stage),
+            Stage::BackOff(_) | Stage::Release => Alarm::SwitchNeverOpened(self.of_stage),
             Stage::LockIn => Alarm::ReferenceNotFound(self.of_stage),
         }
     }
 }
+
+/// How far the carriage backs off beyond the point at which the switch closed.
+pub(super) const MARGIN: Steps = Steps(16);
 
 /// The bounds of the stages.
 #[derive(Debug, Clone, Copy)]
@@ -122,6 +135,8 @@ impl Bounds {
     pub(super) fn plan(&self, stage: Stage, made: Steps, table: &Table) -> Option<(Direction, Plan)> {
         let (direction, bound, speed) = match stage {
             Stage::Approach | Stage::Overshoot => (Direction::TowardsOrigin, self.approach, self.speed),
+            Stage::BackOff(steps) => (Direction::Forward, steps, self.speed),
+            Stage::Return => (Direction::TowardsOrigin, MARGIN + MARGIN, SpeedIndex::START),
             Stage::Release => (Direction::Forward, self.release, SpeedIndex::START),
             Stage::LockIn => (Direction::Forward, self.lock_in, SpeedIndex::START),
         };

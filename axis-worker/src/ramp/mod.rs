@@ -1,4 +1,5 @@
-//! The ramp: the table of counts, and plans that walk it. Integers only; no state, no clock, no chip.
+//! The ramp: the table of counts, and plans that walk it. Integers only; no state, no clock, no chip. (The continuous
+//! [`Curve`] is there to measure plans with, not to make them.)
 //!
 //! ```text
 //!   speed
@@ -19,6 +20,9 @@
 //! a few hundred runs, however long the movement. A *schedule* is a plan, or an axis' share of the plan of a
 //! line's leading axis.
 
+#[cfg(test)]
+mod bound_tests;
+mod curve;
 mod paper;
 mod plan;
 mod schedule;
@@ -26,6 +30,7 @@ mod table;
 #[cfg(test)]
 mod tests;
 
+pub use curve::Curve;
 pub use plan::{Leg, Phase, Plan, Run, Stop};
 pub use schedule::{Schedule, Share};
 pub use table::{Table, Walk};

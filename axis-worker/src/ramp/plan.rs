@@ -222,6 +222,12 @@ impl Plan {
         let Some(run) = self.runs.get(index).copied() else {
             return;
         };
+        // A stop that is under way goes on as it is: each new one would leave out a part of the descent.
+        let stopping =
+            |run: &Run| matches!(run.phase, Phase::Decelerating | Phase::Creeping | Phase::Braking);
+        if run.phase == Phase::Braking || stop == Stop::Halt && self.runs[index..].iter().all(stopping) {
+            return;
+        }
         let (walk, phase) = match stop {
             Stop::Halt => (table.normal(), Phase::Decelerating),
             Stop::Brake => (table.steep(), Phase::Braking),

@@ -174,6 +174,12 @@ proptest! {
         if stopped != plan {
             prop_assert!(stopped.period(stopped.total().0) >= 2_914, "the last period is slow enough to stop from");
         }
+        // The same stop again changes nothing.
+        let mut again_now = stopped.clone();
+        again_now.stop(&table, tick + again, if steep { Stop::Brake } else { Stop::Halt });
+        if stopped != plan {
+            prop_assert_eq!(&again_now, &stopped);
+        }
         // A brake after a halt shortens what is left, and never the past.
         let mut twice = stopped.clone();
         twice.stop(&table, tick + again, Stop::Brake);

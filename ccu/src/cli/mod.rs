@@ -2,12 +2,15 @@
 //! help, usage errors and completions alike; what commands print is in `show`.
 
 mod ask;
+mod asked;
 mod config;
 mod exit;
+mod panel;
 mod profile;
 mod run;
 mod set;
 mod show;
+mod word;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -76,7 +79,7 @@ Examples:
     /// Move several axes on a straight line: they start together and end together
     #[command(after_help = "\
 Examples:
-  ccu line left_x=7919 left_y=-13
+  ccu line left_x=7919 left_y=13
   ccu line 1=400 2=300 3=-100 --speed 5000")]
     Line(ask::LineArgs),
     /// Find the origin of axes: back to the limit switch, forward until it opens
@@ -86,6 +89,8 @@ Examples:
     Reference(ask::ReferenceArgs),
     /// Stop axes with the normal ramp; positions are kept
     Halt(ask::AxesArgs),
+    /// Finish what was halted: the remaining steps, alone or on a line
+    Resume(ask::ResumeArgs),
     /// Stop axes with the steep ramp and lock them; positions are kept
     Brake(ask::AxesArgs),
     /// Acknowledge alarms, so that axes may move again
@@ -94,17 +99,39 @@ Examples:
     #[command(after_help = "Examples:\n  ccu status\n  ccu status left_x --json\n  ccu status --watch")]
     Status(ask::StatusArgs),
     /// Show the digital inputs, or one of them
-    Input(ask::InputArgs),
+    Input(panel::InputArgs),
     /// Show the digital outputs, or switch one
     #[command(after_help = "Examples:\n  ccu output\n  ccu output left_gripper on\n  ccu output 3 off")]
-    Output(ask::OutputArgs),
+    Output(panel::OutputArgs),
     /// Put raw command bytes on the MICROBUS and show the answers
     #[command(after_help = "\
 Examples:
   ccu send 01 05                      status of axis 1
   ccu send 01 81 01 90                axis 1, 400 steps towards the origin
   ccu send 00 06                      halt everyone")]
-    Send(ask::SendArgs),
+    Send(panel::SendArgs),
+    /// Give an axis the control words U and V of Fredriksen's interface, and read its sense word R
+    #[command(after_help = "\
+U is the motion in steps. V, from the most significant bit: v1 towards the origin, v4 halt, v5 v6 v7
+maximum speed (000 the slowest, 111 the top of the ramp), v8 seek the reference step; its other bits
+must be 0. Halting wins over seeking, seeking over the motion. R, from the most significant bit: X1
+to X5; 1000 (X4 alone) is the success of an open-loop motion, 1800 (X4 and X5) of a closed-loop one.
+
+Examples:
+  ccu word left_x 04B0 0E00           1200 steps away from the origin, full speed
+  ccu word 1 190 8600                 400 steps towards it, speed level 3
+  ccu word 1 0 1000                   halt
+  ccu word 1 0 0100                   seek the reference step
+  ccu word 1                          only read R")]
+    Word(word::WordArgs),
+    /// Make a fault on purpose, to see what happens
+    #[command(after_help = "\
+Examples:
+  ccu inject left_x force                  the excessive-force input closes
+  ccu inject left_x limit                  the end-of-rail input closes
+  ccu inject left_x lost-steps=16          the next 16 pulses do not reach the motor
+  ccu inject left_x switch=open            the limit switch never closes (closed, free)")]
+    Inject(panel::InjectArgs),
     /// Show the frames of a log
     #[command(after_help = "Examples:\n  ccu frames run.mcap\n  ccu frames run.mcap --axis left_x --json")]
     Frames(FramesArgs),
@@ -181,12 +208,15 @@ impl Command {
             Self::Origin(args) => ask::origin(&args),
             Self::Reference(args) => ask::reference(&args),
             Self::Halt(args) => ask::halt(&args),
+            Self::Resume(args) => ask::resume(&args),
             Self::Brake(args) => ask::brake(&args),
             Self::Clear(args) => ask::clear(&args),
             Self::Status(args) => ask::status(&args),
-            Self::Input(args) => ask::input(&args),
-            Self::Output(args) => ask::output(&args),
-            Self::Send(args) => ask::send(&args),
+            Self::Input(args) => panel::input(&args),
+            Self::Output(args) => panel::output(&args),
+            Self::Send(args) => panel::send(&args),
+            Self::Word(args) => word::word(&args),
+            Self::Inject(args) => panel::inject(&args),
             Self::Frames(args) => frames(&args),
             Self::Profile(args) => profile::profile(&args),
             Self::Config(command) => config::config(&command),

@@ -16,7 +16,7 @@ use clap::Args;
 use miette::{IntoDiagnostic, WrapErr, miette};
 use supersigma_protocol::Ticks;
 
-use super::ask::Asked;
+use super::asked::Asked;
 use super::exit::Exit;
 use super::{SetArgs, StartArgs, config, set, show};
 use crate::control::{Client, DownReport};
@@ -169,7 +169,12 @@ fn on_a_set_that_is_up(args: &RunArgs, program: &Program) -> Result<(), Exit> {
     });
     let teller = Teller::new(args.json, &knowledge);
     let (totals, began) = (teller.totals(), Instant::now());
-    program.run(Arc::new(Mutex::new(asked.client)), knowledge, teller, &Limits { operations: None, stop })?;
+    program.run(
+        Arc::new(Mutex::new(asked.client.of_a_program())),
+        knowledge,
+        teller,
+        &Limits { operations: None, stop },
+    )?;
     tell_summary(args.json, &totals, machine_time(began, scale), None)
 }
 
@@ -194,7 +199,7 @@ fn on_a_set_of_its_own(args: &RunArgs, home: &Home, program: &Program, source: S
             let _ = writeln!(io::stderr(), "set {name} is up in {took:.2} s: {workers} cards");
         }
         let began = Instant::now();
-        let client = Client::connect(home)?;
+        let client = Client::connect(home)?.of_a_program();
         let hang_up = client.hang_up()?;
         let (wanted_down, closer, flag) = (daemon.wanted_down(), daemon.closer(), Arc::clone(&stop));
         tokio::spawn(async move {

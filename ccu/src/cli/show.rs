@@ -1,12 +1,13 @@
 //! What commands print: aligned, with units, for people; JSON with stable keys for programs. Nothing is decided here.
 
+use std::fmt::Write as _;
 use std::io::{self, IsTerminal, Write};
 
 use serde::Serialize;
 use supersigma_config::Config;
-use supersigma_protocol::AxisReport;
+use supersigma_protocol::{AxisReport, Deviation};
 
-use crate::executive::{AxisState, Knowledge, Movement, MovementKind};
+use crate::executive::{AxisState, Knowledge, Movement, MovementKind, Recovery};
 
 /// A movement, for programs.
 #[derive(Debug, Serialize)]
@@ -20,6 +21,8 @@ pub(super) struct MovementView<'a> {
     ticks: u64,
     seconds: f64,
     position: Option<i32>,
+    lost: Option<i32>,
+    recovered: Option<Recovery>,
 }
 
 impl<'a> MovementView<'a> {
@@ -34,6 +37,8 @@ impl<'a> MovementView<'a> {
             ticks: movement.took.0,
             seconds: movement.took.as_seconds(),
             position: movement.position.map(|position| position.0),
+            lost: movement.lost.map(|lost| lost.0),
+            recovered: movement.recovered,
         }
     }
 }
@@ -50,8 +55,15 @@ pub(super) fn movement_title() -> String {
 pub(super) fn movement_line(movement: &Movement, knowledge: &Knowledge) -> String {
     let asked = movement.asked.map_or_else(|| "-".into(), |asked| format!("{:+}", asked.0));
     let position = movement.position.map_or_else(|| "unknown".into(), |position| position.to_string());
+    let mut notes = String::new();
+    if let Some(Deviation(lost @ (..=-1 | 1..))) = movement.lost {
+        let _ = write!(notes, "  {lost:+} steps from where it was believed to be");
+    }
+    if let Some(recovered) = movement.recovered {
+        let _ = write!(notes, "  {recovered}");
+    }
     format!(
-        "{:<12} {:<9} {:>8} {:>8}  {:<6} {:>9.3}  {:>9}",
+        "{:<12} {:<9} {:>8} {:>8}  {:<6} {:>9.3}  {:>9}{notes}",
         knowledge.name(movement.axis),
         movement.kind,
         asked,
@@ -73,6 +85,7 @@ pub(super) struct AxisView<'a> {
     sense: Option<String>,
     steps: Option<u32>,
     position: Option<i32>,
+    lost: Option<i32>,
     alarm: Option<AlarmView>,
 }
 
@@ -93,6 +106,7 @@ impl<'a> AxisView<'a> {
             sense: report.map(|report| report.sense.to_string()),
             steps: report.map(|report| report.steps.0),
             position: report.and_then(|report| report.position).map(|position| position.0),
+            lost: report.and_then(|report| report.lost).map(|lost| lost.0),
             alarm: report
                 .and_then(|report| report.alarm)
                 .map(|cause| AlarmView { cause, message: cause.to_string() }),
@@ -110,7 +124,7 @@ pub(super) fn axes(states: &[AxisState], config: &Config, out: &mut dyn Write) -
     for state in states {
         let name = config.axis(state.axis).map_or("?", |axis| &axis.name);
         match state.report {
-            Some(AxisReport { sense, steps, position, activity, alarm }) => {
+            Some(AxisReport { sense, steps, position, activity, alarm, .. }) => {
                 let position = position.map_or_else(|| "unknown".into(), |position| position.to_string());
                 let alarm = alarm.map_or_else(|| "-".into(), |alarm| alarm.to_string());
                 writeln!(

@@ -11,11 +11,11 @@ use std::time::{Duration, Instant};
 use axis_worker::clock::Clock;
 use supersigma_protocol::bus::{BusError, Receive, Transmit, Wake, Waker};
 use supersigma_protocol::{
-    About, Address, Answer, Body, Broadcast, CardKind, Command, Frame, Occasion, Operation, Report, Sender,
-    Sequence, Tick, Ticks,
+    About, Address, Answer, AxisNumber, Body, Broadcast, CardKind, Command, Fault, Frame, Occasion,
+    Operation, Report, Sender, Sequence, Tick, Ticks,
 };
 
-use crate::executive::{Failure, Heard, Knowledge, Link};
+use crate::executive::{Common, Failure, Heard, Knowledge, Link};
 
 /// How often the thread looks for what nobody woke it for: heartbeats.
 const LOOK: Duration = Duration::from_millis(50);
@@ -47,6 +47,7 @@ pub(super) struct Counts {
 /// The bus and what is known of its cards; shared by everybody in the daemon.
 pub(super) struct Exchange {
     knowledge: Arc<Knowledge>,
+    common: Arc<Common>,
     clock: Clock,
     port: Mutex<Port>,
     state: Mutex<State>,
@@ -84,6 +85,7 @@ impl Exchange {
     ) -> Result<(Arc<Self>, JoinHandle<()>), BusError> {
         let exchange = Arc::new(Self {
             knowledge,
+            common: Arc::default(),
             clock,
             port: Mutex::new(Port {
                 ends: Some((Box::new(transmit), receive.waker())),
@@ -147,10 +149,13 @@ impl Exchange {
     pub(super) fn send(&self, broadcast: Broadcast) -> Result<Sequence, BusError> {
         let wake =
             broadcast.bytes.as_slice().first().map_or(Wake::Nobody, |address| Wake::Card(Address(*address)));
+        self.put(Body::Command(broadcast), wake)
+    }
+
+    fn put(&self, body: Body, wake: Wake) -> Result<Sequence, BusError> {
         let mut port = self.port();
         let sequence = port.sequence;
-        let frame =
-            Frame { sender: Sender::Ccu, sequence, tick: self.clock.now(), body: Body::Command(broadcast) };
+        let frame = Frame { sender: Sender::Ccu, sequence, tick: self.clock.now(), body };
         let Some((transmit, _)) = &mut port.ends else {
             return Err(BusError::Broken { what: "send", reason: "the CCU has left the bus".into() });
         };
@@ -347,9 +352,26 @@ impl Link for LiveLink {
         self.exchange.clock.scale().ticks(real)
     }
 
+    fn common(&self) -> Arc<Common> {
+        Arc::clone(&self.exchange.common)
+    }
+
+    fn tell_resume(&self) {
+        self.exchange.state().tell(Heard::Resume);
+    }
+
     fn send(&mut self, broadcast: Broadcast) -> Result<Sequence, Failure> {
         self.check(&broadcast)?;
         self.exchange.send(broadcast).map_err(|error| Failure::BusGone { reason: error.to_string() })
+    }
+
+    fn inject(&mut self, axis: AxisNumber, fault: Fault) -> Result<Sequence, Failure> {
+        let card = axis.address();
+        if self.exchange.state().cards.get(&card).is_some_and(|life| !life.alive) {
+            return Err(Failure::WorkerGone { card });
+        }
+        let sent = self.exchange.put(Body::Fault(axis, fault), Wake::Card(card));
+        sent.map_err(|error| Failure::BusGone { reason: error.to_string() })
     }
 
     fn hear(&mut self, until: Tick) -> Result<Option<Heard>, Failure> {

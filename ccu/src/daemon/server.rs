@@ -16,7 +16,7 @@ use tokio::task;
 
 use super::exchange::{Exchange, LiveLink};
 use crate::control::{Description, DownReport, FromDaemon, ToDaemon};
-use crate::executive::{Executive, Operate, Outcome, Request};
+use crate::executive::{Executive, Failure, Operate, Outcome, Request};
 
 /// Of a longer line only so much is read; the rest then makes no sense and is answered so.
 const LONGEST_LINE: u64 = 64 * 1024;
@@ -84,15 +84,20 @@ async fn attend(stream: UnixStream, desk: Arc<Desk>) -> io::Result<()> {
     while let Some(line) = next.recv().await {
         let answer = match serde_json::from_slice(&line) {
             Ok(ToDaemon::Do(request)) => {
-                let (back, answer) = task::spawn_blocking(move || carry_out(executive, request)).await?;
+                let (back, answer) =
+                    task::spawn_blocking(move || carry_out(executive, request, Executive::operate)).await?;
+                executive = back;
+                answer
+            }
+            Ok(ToDaemon::DoOrWait(request)) => {
+                let how = Executive::operate_or_wait;
+                let (back, answer) = task::spawn_blocking(move || carry_out(executive, request, how)).await?;
                 executive = back;
                 answer
             }
             Ok(ToDaemon::Describe) => FromDaemon::Description(Box::new((desk.describe)())),
             Ok(ToDaemon::Down) => take_down(&desk).await,
-            Err(error) => {
-                FromDaemon::Failed(crate::executive::Failure::Control { reason: error.to_string() })
-            }
+            Err(error) => FromDaemon::Failed(Failure::Control { reason: error.to_string() }),
         };
         send(&mut write, &answer).await?;
     }
@@ -100,9 +105,13 @@ async fn attend(stream: UnixStream, desk: Arc<Desk>) -> io::Result<()> {
     Ok(())
 }
 
-fn carry_out(mut executive: Executive<LiveLink>, request: Request) -> (Executive<LiveLink>, FromDaemon) {
+fn carry_out(
+    mut executive: Executive<LiveLink>,
+    request: Request,
+    how: impl FnOnce(&mut Executive<LiveLink>, Request) -> Result<Outcome, Failure>,
+) -> (Executive<LiveLink>, FromDaemon) {
     executive.link().forget();
-    let answer = match executive.operate(request) {
+    let answer = match how(&mut executive, request) {
         Ok(outcome) => FromDaemon::Done(outcome),
         Err(failure) => FromDaemon::Failed(failure),
     };

@@ -1,14 +1,14 @@
 //! What the executive needs of a set: to send, to hear, and to know the time. A live set and a dry run are two such links.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use axis_worker::ramp::Table;
 use supersigma_config::{Config, RampError};
-use supersigma_protocol::{Address, Answer, AxisNumber, Broadcast, Sequence, Tick, Ticks};
+use supersigma_protocol::{Address, Answer, AxisNumber, Broadcast, Fault, Sequence, Tick, Ticks};
 
-use super::request::Failure;
+use super::request::{Failure, Remainder};
 
 /// A set's configuration and the ramps that follow from it.
 #[derive(Debug)]
@@ -54,6 +54,18 @@ impl Knowledge {
         })
     }
 
+    /// Whether these axes accelerate alike, as they must on a line.
+    ///
+    /// # Errors
+    /// If not, with the two that differ.
+    pub fn same_ramp(&self, axes: &[AxisNumber]) -> Result<(), Failure> {
+        let ramp = |axis: AxisNumber| self.config.axis(axis).map(|axis| self.config.ramp_of(axis));
+        match axes.windows(2).find(|pair| ramp(pair[0]) != ramp(pair[1])) {
+            Some(pair) => Err(Failure::DifferentRamps { one: pair[0], other: pair[1] }),
+            None => Ok(()),
+        }
+    }
+
     /// What people call an axis.
     #[must_use]
     pub fn name(&self, axis: AxisNumber) -> &str {
@@ -72,6 +84,8 @@ pub enum Heard {
     NoLog,
     /// Frames of a card were lost.
     FramesLost(Address, u64),
+    /// Somebody wants what was halted to go on.
+    Resume,
     /// The set goes down.
     GoingDown,
 }
@@ -93,9 +107,94 @@ pub trait Link {
     /// If the bus fails, or nobody plays a card that the command is for.
     fn send(&mut self, broadcast: Broadcast) -> Result<Sequence, Failure>;
 
+    /// Makes a fault on purpose, over the bus.
+    ///
+    /// # Errors
+    /// If the bus fails, or nobody plays the card.
+    fn inject(&mut self, axis: AxisNumber, fault: Fault) -> Result<Sequence, Failure>;
+
     /// The next thing heard; `None` when it is `until` and nothing was.
     ///
     /// # Errors
     /// If the bus fails, or whoever asked does not want it any more.
     fn hear(&mut self, until: Tick) -> Result<Option<Heard>, Failure>;
+
+    /// What the executives of this set have in common.
+    fn common(&self) -> Arc<Common>;
+
+    /// Tells the other executives of this set that what was halted may go on.
+    fn tell_resume(&self);
+}
+
+/// What the executives of one set have in common: which axes are on a line together, what is left of halted movements, and
+/// how many programs wait for it to go on.
+#[derive(Debug, Default)]
+pub struct Common(Mutex<Shared>);
+
+#[derive(Debug, Default)]
+struct Shared {
+    lines: Vec<Vec<AxisNumber>>,
+    remainders: Vec<Remainder>,
+    paused: usize,
+}
+
+impl Common {
+    /// These axes begin to move together, or one alone; whatever line one of them was on is over.
+    pub fn begin(&self, axes: &[AxisNumber]) {
+        let mut shared = self.shared();
+        shared.lines.retain(|line| !line.iter().any(|axis| axes.contains(axis)));
+        if axes.len() > 1 {
+            shared.lines.push(axes.to_vec());
+        }
+    }
+
+    /// The axes that move, or moved last, on a line with `axis`; that one among them.
+    pub fn line_of(&self, axis: AxisNumber) -> Vec<AxisNumber> {
+        let shared = self.shared();
+        shared.lines.iter().find(|line| line.contains(&axis)).cloned().unwrap_or_else(|| vec![axis])
+    }
+
+    /// Keeps what is left of a movement; it replaces what was left of earlier ones of these axes.
+    pub fn leave(&self, remainder: Remainder) {
+        let mut shared = self.shared();
+        shared.remainders.retain(|other| {
+            !other.from.iter().any(|(axis, _)| remainder.from.iter().any(|(ours, _)| ours == axis))
+        });
+        shared.remainders.push(remainder);
+    }
+
+    /// Takes what is left of movements of `axes`.
+    pub fn take_left_of(&self, axes: &[AxisNumber]) -> Option<Remainder> {
+        let mut shared = self.shared();
+        let concerned = |left: &Remainder| left.from.iter().any(|(axis, _)| axes.contains(axis));
+        let index = shared.remainders.iter().position(concerned)?;
+        Some(shared.remainders.remove(index))
+    }
+
+    /// Takes all that is left of movements, and says how many programs wait to be resumed.
+    pub fn take(&self) -> (Vec<Remainder>, usize) {
+        let mut shared = self.shared();
+        (std::mem::take(&mut shared.remainders), shared.paused)
+    }
+
+    /// A program waits to be resumed, until what comes back is dropped.
+    pub fn pause(self: Arc<Self>) -> Paused {
+        self.shared().paused += 1;
+        Paused(self)
+    }
+
+    fn shared(&self) -> MutexGuard<'_, Shared> {
+        // Every statement leaves it whole.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Somebody waits to be resumed.
+#[derive(Debug)]
+pub struct Paused(Arc<Common>);
+
+impl Drop for Paused {
+    fn drop(&mut self) {
+        self.0.shared().paused -= 1;
+    }
 }

@@ -2,19 +2,27 @@
 //! when each movement is due, and judges by the sense points whether it has come true. It moves nothing itself and
 //! reads no clock but its [`Link`]'s; a live set and a dry run are driven by this very code.
 
+mod halted;
 mod link;
+mod path;
+mod recovery;
 mod request;
+#[cfg(test)]
+mod tests;
 
 use std::time::Duration;
 
 use axis_worker::ramp::Plan;
 use supersigma_protocol::{
     About, Activity, Address, Answer, AxisNumber, AxisReport, Broadcast, CardKind, Command, CommandBytes,
-    Operation, Refusal, Report, Sequence, SpeedIndex, Tick, Ticks,
+    Fault, Operation, Refusal, Report, Sequence, SpeedIndex, Tick, Ticks,
 };
 
-pub use link::{Heard, Knowledge, Link};
-pub use request::{AxisState, Displacement, Failure, Movement, MovementKind, Outcome, RawAnswer, Request};
+pub use link::{Common, Heard, Knowledge, Link};
+pub use request::{
+    AxisState, Displacement, Failure, Leg, Movement, MovementKind, Outcome, RawAnswer, Recovery, Remainder,
+    Request,
+};
 
 /// Somebody who carries out requests: an executive, or a client of one.
 pub trait Operate {
@@ -33,12 +41,17 @@ pub struct Executive<L> {
     heard: Vec<Heard>,
 }
 
+/// How often the sense points are looked at between the due time of a movement and the time at which it is overdue.
+const LOOKS: u64 = 8;
+
 /// A movement that has been commanded.
 #[derive(Debug, Clone, Copy)]
 struct Underway {
     axis: AxisNumber,
     kind: MovementKind,
     asked: Option<Displacement>,
+    /// Pulses that make it complete, if that can be known.
+    steps: Option<u64>,
     /// When the card consented: what it says of a time before is not about this movement.
     since: Tick,
     start: Tick,
@@ -48,27 +61,11 @@ struct Underway {
 impl<L: Link> Operate for Executive<L> {
     fn operate(&mut self, request: Request) -> Result<Outcome, Failure> {
         self.heard.clear();
-        match request {
-            Request::Originate { axes } => {
-                let axes = self.link.knowledge().axes(&axes)?;
-                self.search(&axes, Operation::Originate, MovementKind::Origin)
-            }
-            Request::SeekReference { axis } => {
-                self.search(&[axis], Operation::SeekReference, MovementKind::Reference)
-            }
-            Request::Move { axis, by, speed, constant, wait } => {
-                self.movement(axis, by, speed, constant, wait)
-            }
-            Request::Line { parts, speed, wait } => self.line(&parts, speed, wait),
-            Request::Halt { axes } => self.tell(&axes, Operation::Halt),
-            Request::Brake { axes } => self.tell(&axes, Operation::Brake),
-            Request::Clear { axes } => self.tell(&axes, Operation::Clear),
-            Request::Status { axes } => self.status(&axes),
-            Request::Output { bit, on } => self.output(bit, on),
-            Request::Digital { card } => self.digital(card, Operation::Status).map(Outcome::Digital),
-            Request::Wait { ticks } => self.wait(ticks),
-            Request::Send { bytes } => self.raw(bytes),
+        let result = self.carry_out(&request).or_else(|failure| self.recover(&request, failure));
+        if matches!(result, Err(Failure::Stopped { .. })) {
+            self.leave_rest(&request)?;
         }
+        result
     }
 }
 
@@ -76,6 +73,36 @@ impl<L: Link> Executive<L> {
     /// An executive over `link`.
     pub fn new(link: L) -> Self {
         Self { link, heard: Vec::new() }
+    }
+
+    fn carry_out(&mut self, request: &Request) -> Result<Outcome, Failure> {
+        match request {
+            Request::Originate { axes } => {
+                let axes = self.link.knowledge().axes(axes)?;
+                self.search(&axes, Operation::Originate, MovementKind::Origin)
+            }
+            Request::SeekReference { axis } => {
+                self.search(&[*axis], Operation::SeekReference, MovementKind::Reference)
+            }
+            Request::Move { axis, by, speed, constant, wait } => {
+                self.movement(*axis, *by, *speed, *constant, *wait)
+            }
+            Request::Line { parts, speed, wait } => {
+                let leg = Leg { parts: parts.clone(), speed: *speed };
+                self.path(&[leg], MovementKind::Line, *wait)
+            }
+            Request::Path { legs, wait } => self.path(legs, MovementKind::Path, *wait),
+            Request::Resume => self.resume(),
+            Request::Halt { axes } => self.stop(axes, Operation::Halt),
+            Request::Brake { axes } => self.stop(axes, Operation::Brake),
+            Request::Clear { axes } => self.tell(axes, Operation::Clear),
+            Request::Status { axes } => self.tell(axes, Operation::Status),
+            Request::Output { bit, on } => self.output(*bit, *on),
+            Request::Digital { card } => self.digital(*card, Operation::Status).map(Outcome::Digital),
+            Request::Inject { axis, fault } => self.inject(*axis, *fault),
+            Request::Wait { ticks } => self.wait(*ticks),
+            Request::Send { bytes } => self.raw(bytes.clone()),
+        }
     }
 
     /// Its link.
@@ -120,12 +147,21 @@ impl<L: Link> Executive<L> {
             _ => Plan::ramped(table, distance, limit.unwrap_or(SpeedIndex::TOP)),
         };
         let answer = self.command(axis, operation)?;
+        self.link.common().begin(&[axis]);
         if !wait {
             return Ok(Outcome::Done);
         }
         let start = answer.acted_at;
         let due = start + Ticks(plan.duration());
-        self.complete(&[Underway { axis, kind, asked: Some(by), since: start, start, due }])
+        self.complete(&[Underway {
+            axis,
+            kind,
+            asked: Some(by),
+            steps: Some(by.0.unsigned_abs()),
+            since: start,
+            start,
+            due,
+        }])
     }
 
     /// Origination or search for the reference step, of several axes at once.
@@ -151,90 +187,19 @@ impl<L: Link> Executive<L> {
                 * u64::from(table.period(SpeedIndex::START));
             let ramps = 2 * table.interval().0 * u64::from(SpeedIndex::TOP.get());
             let start = match self.command(*axis, operation) {
-                Ok(answer) => answer.acted_at,
+                Ok(answer) => {
+                    self.link.common().begin(&[*axis]);
+                    answer.acted_at
+                }
                 Err(failure) => {
                     self.halt(&underway)?;
                     return Err(failure);
                 }
             };
             let due = start + Ticks(approach + slow + ramps);
-            underway.push(Underway { axis: *axis, kind, asked: None, since: start, start, due });
+            underway.push(Underway { axis: *axis, kind, asked: None, steps: None, since: start, start, due });
         }
         self.complete(&underway)
-    }
-
-    /// A straight line: arm all, start all at one tick, wait for all.
-    fn line(
-        &mut self,
-        parts: &[(AxisNumber, Displacement)],
-        speed: Option<f64>,
-        wait: bool,
-    ) -> Result<Outcome, Failure> {
-        let mut moves = Vec::with_capacity(parts.len());
-        for (axis, by) in parts {
-            self.link.knowledge().table(*axis)?;
-            if let Some((direction, distance)) = by.split()? {
-                moves.push((*axis, *by, direction, distance));
-            }
-        }
-        let Some(&(leader, _, _, longest)) = moves.iter().max_by_key(|(.., distance)| *distance) else {
-            return Err(Failure::EmptyLine);
-        };
-        let limit = speed.map(|speed| self.speed(leader, speed)).transpose()?;
-        let table = self.link.knowledge().table(leader)?;
-        let duration = Ticks(Plan::ramped(table, longest, limit.unwrap_or(SpeedIndex::TOP)).duration());
-        let mut armed = Vec::with_capacity(moves.len());
-        for (axis, by, direction, distance) in moves {
-            let arming = self
-                .command(axis, Operation::Lead { distance: longest, limit })
-                .and_then(|_| self.command(axis, Operation::ArmLine { direction, distance }));
-            let since = match arming {
-                Ok(answer) => answer.acted_at,
-                Err(failure) => {
-                    self.halt(&armed)?;
-                    return Err(failure);
-                }
-            };
-            // Start and due time follow when all are armed.
-            armed.push(Underway {
-                axis,
-                kind: MovementKind::Line,
-                asked: Some(by),
-                since,
-                start: since,
-                due: since,
-            });
-        }
-        let start = self.start_together(&armed)?;
-        for underway in &mut armed {
-            (underway.start, underway.due) = (start, start + duration);
-        }
-        if wait { self.complete(&armed) } else { Ok(Outcome::Done) }
-    }
-
-    /// Names one start tick to all armed axes. Unless every one confirms it before half of the lead has passed, the
-    /// line is called off while there is still time, so that nobody moves.
-    fn start_together(&mut self, armed: &[Underway]) -> Result<Tick, Failure> {
-        let lead = Duration::from_millis(self.link.knowledge().config.line.lead_ms.into());
-        let now = self.link.now();
-        let (start, confirmed_by) = (now + self.link.ticks(lead), now + self.link.ticks(lead / 2));
-        let mut pending = Vec::with_capacity(armed.len());
-        for underway in armed {
-            let go = Command::new(underway.axis.address(), Operation::Go);
-            let sequence = self.link.send(Broadcast { at: Some(start), ..go.into() })?;
-            pending.push((underway.axis, sequence));
-        }
-        for (axis, sequence) in pending {
-            let confirmed = match self.answer_to(sequence, confirmed_by)? {
-                Some(answer) => refused(axis, &answer),
-                None => Err(Failure::NotConfirmed { axis }),
-            };
-            if let Err(failure) = confirmed {
-                self.halt(armed)?;
-                return Err(failure);
-            }
-        }
-        Ok(start)
     }
 
     fn halt(&mut self, underway: &[Underway]) -> Result<(), Failure> {
@@ -248,9 +213,15 @@ impl<L: Link> Executive<L> {
     fn complete(&mut self, underway: &[Underway]) -> Result<Outcome, Failure> {
         let result = self.watch(underway);
         match &result {
-            Err(Failure::Cancelled) => self.halt(underway)?,
+            // Whoever halts one axis of a line without the others would have these run on alone.
+            Err(Failure::Cancelled | Failure::Stopped { .. }) => self.halt(underway)?,
             // One axis of a line that stops by itself has left it; the others must not run on alone.
-            Err(_) if underway.len() > 1 && underway.iter().all(|one| one.kind == MovementKind::Line) => {
+            Err(_)
+                if underway.len() > 1
+                    && underway
+                        .iter()
+                        .all(|one| matches!(one.kind, MovementKind::Line | MovementKind::Path)) =>
+            {
                 for other in underway {
                     self.link.send(Command::new(other.axis.address(), Operation::Brake).into())?;
                 }
@@ -263,6 +234,7 @@ impl<L: Link> Executive<L> {
     fn watch(&mut self, underway: &[Underway]) -> Result<Outcome, Failure> {
         let margin_ms = self.link.knowledge().config.executive.overdue_ms;
         let margin = self.link.ticks(Duration::from_millis(margin_ms.into()));
+        let margin_part = Ticks(margin.0 / LOOKS);
         let mut over: Vec<Option<Movement>> = vec![None; underway.len()];
         loop {
             let waiting = underway.iter().zip(&over).filter(|(_, over)| over.is_none());
@@ -271,12 +243,17 @@ impl<L: Link> Executive<L> {
             else {
                 return Ok(Outcome::Moved(over.into_iter().flatten().collect()));
             };
-            let Some(heard) = self.hear(deadline)? else {
-                // Overdue. It may have ended and the news got lost: ask.
+            // Up to the due time its end is told; from then on the sense points are looked at, more and more often.
+            let look = if self.link.now() < next.due { next.due } else { self.link.now() + margin_part };
+            let Some(heard) = self.hear(look.min(deadline))? else {
+                // It may have ended and the news got lost: ask.
                 let answer = self.command(next.axis, Operation::Status)?;
                 if let Report::Axis(report) = answer.report
                     && report.activity != Activity::Standing
                 {
+                    if self.link.now() < deadline {
+                        continue;
+                    }
                     let failure =
                         Failure::Overdue { axis: next.axis, milliseconds: margin_ms, done: report.steps };
                     return Err(failure);
@@ -319,10 +296,6 @@ impl<L: Link> Executive<L> {
         Ok(Outcome::Axes(states))
     }
 
-    fn status(&mut self, axes: &[AxisNumber]) -> Result<Outcome, Failure> {
-        self.tell(axes, Operation::Status)
-    }
-
     fn output(&mut self, bit: u8, on: bool) -> Result<Outcome, Failure> {
         let word = self.digital(Address::DIGITAL_OUTPUT, Operation::Status)?;
         let mask = 1_u16.checked_shl(bit.into()).unwrap_or(0);
@@ -338,6 +311,13 @@ impl<L: Link> Executive<L> {
             (_, Report::Digital(word)) => Ok(word),
             (_, Report::Axis(_)) => Err(Failure::BusGone { reason: format!("{card} answers like an axis") }),
         }
+    }
+
+    fn inject(&mut self, axis: AxisNumber, fault: Fault) -> Result<Outcome, Failure> {
+        self.link.knowledge().table(axis)?;
+        let sequence = self.link.inject(axis, fault)?;
+        let answer = self.answer(axis.address(), sequence)?;
+        Ok(Outcome::Axes(vec![AxisState { axis, report: axis_report(&answer) }]))
     }
 
     fn wait(&mut self, ticks: Ticks) -> Result<Outcome, Failure> {
@@ -461,20 +441,31 @@ fn judge(one: &Underway, report: &AxisReport, acted_at: Tick) -> Result<Option<M
     if report.activity != Activity::Standing {
         return Ok(None);
     }
-    let AxisReport { sense, steps: done, position, alarm, .. } = *report;
+    let AxisReport { sense, steps: done, position, alarm, lost, .. } = *report;
+    let lost = lost.filter(|_| one.steps.is_none());
     let axis = one.axis;
     if let Some(alarm) = alarm {
         return Err(Failure::Alarm { axis, alarm, done, position });
     }
-    let complete = match one.asked {
-        Some(asked) => u64::from(done.0) == asked.0.unsigned_abs(),
+    let complete = match one.steps {
+        Some(steps) => u64::from(done.0) == steps,
         None => position.is_some(),
     };
     if !complete {
         return Err(Failure::Stopped { axis, done, position });
     }
     let took = acted_at.since(one.start);
-    Ok(Some(Movement { axis, kind: one.kind, asked: one.asked, done, sense, took, position }))
+    Ok(Some(Movement {
+        axis,
+        kind: one.kind,
+        asked: one.asked,
+        done,
+        sense,
+        took,
+        position,
+        lost,
+        recovered: None,
+    }))
 }
 
 /// What is not an answer ends the waiting if it concerns one of these movements.
@@ -486,6 +477,6 @@ fn bad_news(heard: Heard, underway: &[Underway]) -> Result<(), Failure> {
         Heard::NoLog => Err(Failure::NoLog),
         Heard::FramesLost(card, lost) => Err(Failure::FramesLost { card, lost }),
         Heard::GoingDown => Err(Failure::GoingDown),
-        Heard::WorkerGone(_) | Heard::Answer(_) => Ok(()),
+        Heard::WorkerGone(_) | Heard::Answer(_) | Heard::Resume => Ok(()),
     }
 }

@@ -4,8 +4,8 @@
 use miette::Diagnostic;
 use serde::{Deserialize, Serialize};
 use supersigma_protocol::{
-    Address, Alarm, AxisNumber, AxisReport, CommandBytes, Direction, Distance, Position, Refusal, StatusWord,
-    Steps, Ticks,
+    Address, Alarm, AxisNumber, AxisReport, CommandBytes, Deviation, Direction, Distance, Fault, Position,
+    Refusal, StatusWord, Steps, Ticks,
 };
 
 /// Signed steps: positive is away from the origin.
@@ -61,6 +61,15 @@ pub enum Request {
         /// Until it is complete.
         wait: bool,
     },
+    /// One line after the other, running on over the joints where the curve allows it.
+    Path {
+        /// The lines.
+        legs: Vec<Leg>,
+        /// Until it is complete.
+        wait: bool,
+    },
+    /// Finish what was halted.
+    Resume,
     /// Stop with the normal ramp.
     Halt {
         /// Which; none means all.
@@ -93,6 +102,13 @@ pub enum Request {
         /// 8 or 9.
         card: Address,
     },
+    /// Make a fault on purpose.
+    Inject {
+        /// On which axis.
+        axis: AxisNumber,
+        /// Which.
+        fault: Fault,
+    },
     /// Let machine time pass.
     Wait {
         /// How much.
@@ -103,6 +119,24 @@ pub enum Request {
         /// They need not be right.
         bytes: CommandBytes,
     },
+}
+
+/// One line of a path.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Leg {
+    /// How far each axis goes; an axis that is not named stands.
+    pub parts: Vec<(AxisNumber, Displacement)>,
+    /// The ceiling of the leading axis in steps per second.
+    pub speed: Option<f64>,
+}
+
+/// What is left of a movement that was halted.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Remainder {
+    /// What finishes it.
+    pub request: Request,
+    /// Where the axes stood then; if they stand elsewhere, it makes no sense any more.
+    pub from: Vec<(AxisNumber, Option<Position>)>,
 }
 
 /// What came of a [`Request`].
@@ -138,6 +172,29 @@ pub struct Movement {
     pub took: Ticks,
     /// Where the axis stands now.
     pub position: Option<Position>,
+    /// For a search: by how much the axis stood off from where it was believed to be.
+    pub lost: Option<Deviation>,
+    /// What it took to get there, if it did not go well at once.
+    pub recovered: Option<Recovery>,
+}
+
+/// What the executive did about a movement that had failed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Recovery {
+    /// It made the rest of the movement.
+    TriedAgain,
+    /// It found the reference step anew, and went to the target from there.
+    SoughtReference,
+}
+
+impl std::fmt::Display for Recovery {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::TriedAgain => "tried again",
+            Self::SoughtReference => "sought the reference step",
+        })
+    }
 }
 
 /// Kinds of movements.
@@ -150,6 +207,8 @@ pub enum MovementKind {
     Slew,
     /// As a part of a line.
     Line,
+    /// As a part of a path.
+    Path,
     /// Looking for the origin.
     Origin,
     /// Looking for the reference step.
@@ -162,6 +221,7 @@ impl std::fmt::Display for MovementKind {
             Self::Move => "move",
             Self::Slew => "slew",
             Self::Line => "line",
+            Self::Path => "path",
             Self::Origin => "origin",
             Self::Reference => "reference",
         })
@@ -224,7 +284,7 @@ pub enum Failure {
     },
     /// Somebody stopped the movement.
     #[error("{axis} was stopped after {done} steps, {}", place(*position))]
-    #[diagnostic(help("the steps are counted; move on from here, or originate if the position is unknown"))]
+    #[diagnostic(help("{}", if position.is_some() { "`ccu resume` makes the remaining steps" } else { "originate it, its position is lost" }))]
     Stopped {
         /// The axis.
         axis: AxisNumber,
@@ -252,6 +312,19 @@ pub enum Failure {
         milliseconds: u32,
         /// Pulses made.
         done: Steps,
+    },
+    /// Nothing that the executive tried has helped.
+    #[error("{axis} does not get there: {reason}; tried: {tried}")]
+    #[diagnostic(help(
+        "look at the axis; nothing moves it until it is cleared (`ccu clear`) and originated (`ccu origin`)"
+    ))]
+    GaveUp {
+        /// The axis.
+        axis: AxisNumber,
+        /// What went wrong in the end.
+        reason: String,
+        /// What was tried, in order.
+        tried: String,
     },
     /// A line could not be started on all axes in time.
     #[error("the line was not started: {axis} did not confirm the start in time; nobody moved")]
@@ -301,6 +374,24 @@ pub enum Failure {
     /// A line of nothing.
     #[error("no axis of the line has any steps to make")]
     EmptyLine,
+    /// A line of axes that accelerate differently.
+    #[error("{one} and {other} have different ramps, so they cannot go on a line together")]
+    #[diagnostic(help("give them the same ramp in the configuration"))]
+    DifferentRamps {
+        /// An axis.
+        one: AxisNumber,
+        /// Another one.
+        other: AxisNumber,
+    },
+    /// Nothing was halted.
+    #[error("nothing was halted that could be resumed")]
+    NothingToResume,
+    /// An axis was moved since it was halted.
+    #[error("{axis} has been moved since it was halted, so the rest of its movement makes no sense")]
+    MovedMeanwhile {
+        /// The axis.
+        axis: AxisNumber,
+    },
     /// A speed that the axis' ramp does not have.
     #[error("{axis} cannot run at {asked} steps/s; its ramp goes from {slowest:.1} to {fastest:.1}")]
     SpeedOutOfRange {
@@ -349,6 +440,7 @@ impl Failure {
             Self::NoSuchAxis { .. }
             | Self::TooFar { .. }
             | Self::EmptyLine
+            | Self::DifferentRamps { .. }
             | Self::SpeedOutOfRange { .. } => 2,
             Self::BusGone { .. } | Self::NoSet { .. } | Self::Control { .. } | Self::GoingDown => 3,
             _ => 1,

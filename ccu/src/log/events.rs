@@ -111,6 +111,10 @@ impl Watch {
                 self.commands.insert(frame.sequence.0, command.bytes.clone());
                 Vec::new()
             }
+            Body::Fault(axis, fault) => {
+                let text = format!("{}: {fault}, on purpose", names.of(*axis));
+                vec![Event::new(Level::Warning, sender_name(frame.sender, names), text)]
+            }
             Body::Answer(answer) => {
                 let name = sender_name(frame.sender, names);
                 let refusal = self.refusal(answer).map(|text| Event::new(Level::Warning, name.clone(), text));

@@ -88,5 +88,6 @@ fn concerns(frame: &Frame, axis: AxisNumber) -> bool {
             .first()
             .is_some_and(|&to| [Address::EVERYONE, axis.address()].contains(&Address(to))),
         Body::Answer(answer) => answer.card == axis.address(),
+        Body::Fault(failing, _) => *failing == axis,
     }
 }

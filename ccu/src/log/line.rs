@@ -84,6 +84,9 @@ impl Lines {
         if let Some(word) = view.word {
             let _ = write!(line, " {word:016b}");
         }
+        if let Some(fault) = &view.fault {
+            let _ = write!(line, ": {fault}");
+        }
         if let Some(at) = view.at {
             let _ = write!(line, " at {} s", seconds(at));
         }

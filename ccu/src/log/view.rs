@@ -6,9 +6,9 @@
 use schemars::JsonSchema;
 use serde::Serialize;
 use supersigma_protocol::{
-    About, Activity, Address, Alarm, Answer, AxisReport, Body, Broadcast, CardKind, Command, Direction,
-    Frame, FrameError, Occasion, Operation, Position, Refusal, Report, Sender, SensePoint, Sequence,
-    SpeedIndex, Steps, Tick,
+    About, Activity, Address, Alarm, Answer, AxisNumber, AxisReport, Body, Broadcast, CardKind, Command,
+    Deviation, Direction, Fault, Frame, FrameError, Occasion, Operation, Position, Refusal, Report, Sender,
+    SensePoint, Sequence, SpeedIndex, Steps, Tick,
 };
 
 use super::header::AxisNames;
@@ -54,6 +54,8 @@ pub struct CommandView {
     pub speed: Option<SpeedIndex>,
     /// The digital outputs to set.
     pub word: Option<u16>,
+    /// A fault that was made on purpose, which is no command of the MICROBUS and has no bytes.
+    pub fault: Option<String>,
     /// The tick at which a line starts, halts or brakes; null is at once.
     pub at: Option<Tick>,
 }
@@ -143,6 +145,8 @@ pub struct AxisView {
     pub activity: Activity,
     /// Why it is locked; null if it is not.
     pub alarm: Option<AlarmView>,
+    /// By how many steps the last origination found it off from where it was believed to be; null if nothing was believed.
+    pub lost: Option<Deviation>,
 }
 
 /// Why an axis is locked.
@@ -177,6 +181,7 @@ impl FrameView {
         match frame {
             Ok(frame) => match &frame.body {
                 Body::Command(command) => Self::Command(command_view(frame, command, names)),
+                Body::Fault(axis, fault) => Self::Command(fault_view(frame, *axis, *fault, names)),
                 Body::Answer(answer) => Self::Answer(answer_view(frame, answer, names)),
             },
             Err(error) => Self::Undecodable(UndecodableView { bytes: hex(bytes), error: error.to_string() }),
@@ -230,6 +235,7 @@ fn command_view(frame: &Frame, command: &Broadcast, names: &AxisNames) -> Comman
         steps: None,
         speed: None,
         word: None,
+        fault: None,
         at: command.at,
     };
     match decoded.map(|command| command.operation) {
@@ -263,6 +269,26 @@ fn command_view(frame: &Frame, command: &Broadcast, names: &AxisNames) -> Comman
     view
 }
 
+fn fault_view(frame: &Frame, axis: AxisNumber, fault: Fault, names: &AxisNames) -> CommandView {
+    CommandView {
+        tick: frame.tick,
+        time_s: frame.tick.since(Tick(0)).as_seconds(),
+        sender: sender_name(frame.sender, names),
+        sequence: frame.sequence,
+        to: Some(axis.address()),
+        name: names.of(axis).into_owned(),
+        bytes: String::new(),
+        operation: Some("Fault"),
+        refusal: None,
+        direction: None,
+        steps: None,
+        speed: None,
+        word: None,
+        fault: Some(fault.to_string()),
+        at: None,
+    }
+}
+
 fn answer_view(frame: &Frame, answer: &Answer, names: &AxisNames) -> AnswerView {
     AnswerView {
         tick: frame.tick,
@@ -294,7 +320,7 @@ fn answer_view(frame: &Frame, answer: &Answer, names: &AxisNames) -> AnswerView 
 
 impl From<AxisReport> for AxisView {
     fn from(report: AxisReport) -> Self {
-        let AxisReport { sense, steps, position, activity, alarm } = report;
+        let AxisReport { sense, steps, position, activity, alarm, lost } = report;
         Self {
             sense: sense.to_string(),
             x1: sense.has(SensePoint::X1),
@@ -306,6 +332,7 @@ impl From<AxisReport> for AxisView {
             position,
             activity,
             alarm: alarm.map(AlarmView::from),
+            lost,
         }
     }
 }

@@ -159,7 +159,7 @@ impl LogWriter {
         let (gap, at) = self.place(&frame, now);
         self.counts.frames += 1;
         match &frame {
-            Ok(Frame { body: Body::Command(_), .. }) => self.counts.commands += 1,
+            Ok(Frame { body: Body::Command(_) | Body::Fault(..), .. }) => self.counts.commands += 1,
             Ok(Frame { body: Body::Answer(_), .. }) => self.counts.answers += 1,
             Err(_) => self.counts.undecodable += 1,
         }

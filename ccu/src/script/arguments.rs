@@ -67,6 +67,15 @@ pub(super) fn parts(knowledge: &Knowledge, value: &Dynamic) -> Result<Vec<(AxisN
     Ok(parts)
 }
 
+/// The legs of a path, each a map as of a line.
+pub(super) fn legs(knowledge: &Knowledge, value: &Dynamic) -> Result<Vec<Vec<(AxisNumber, i64)>>, Trouble> {
+    let found = describe(value);
+    let Ok(legs) = value.as_array_ref() else {
+        return Err(Trouble::wrong(format!("the legs of a path are an array of maps, not {found}")));
+    };
+    legs.iter().map(|leg| parts(knowledge, leg)).collect()
+}
+
 /// A whole number of steps, or a position; `what` is what the signature calls it.
 pub(super) fn whole(what: &str, value: &Dynamic) -> Result<i64, Trouble> {
     value.as_int().map_err(|_| {

@@ -10,7 +10,7 @@ use super::robot::Robot;
 use super::trouble::{self, Trouble};
 
 /// Every function, and the ways to call it.
-pub(super) const SIGNATURES: [(&str, &str); 17] = [
+pub(super) const SIGNATURES: [(&str, &str); 19] = [
     ("origin", "`origin()`, `origin(axis)` or `origin([axis, axis])`"),
     ("reference", "`reference(axis)`"),
     ("go_to", "`go_to(axis, position)` or `go_to(axis, position, speed)`"),
@@ -20,6 +20,11 @@ pub(super) const SIGNATURES: [(&str, &str); 17] = [
     (
         "line_to",
         "`line_to(#{ axis: position, axis: position })` or `line_to(#{ axis: position, axis: position }, speed)`",
+    ),
+    ("path", "`path([#{ axis: steps }, #{ axis: steps }])` or `path([#{ axis: steps }], speed)`"),
+    (
+        "path_to",
+        "`path_to([#{ axis: position }, #{ axis: position }])` or `path_to([#{ axis: position }], speed)`",
     ),
     ("wait", "`wait(seconds)`"),
     ("speed", "`speed(steps_per_second)` or `speed(axis, steps_per_second)`"),
@@ -49,6 +54,10 @@ pub(super) fn register(engine: &mut Engine, robot: Robot) {
     library.two("line", |robot, parts, speed| robot.line(parts, Some(speed)));
     library.one("line_to", |robot, targets| robot.line_to(targets, None));
     library.two("line_to", |robot, targets, speed| robot.line_to(targets, Some(speed)));
+    library.one("path", |robot, legs| robot.path(legs, None));
+    library.two("path", |robot, legs, speed| robot.path(legs, Some(speed)));
+    library.one("path_to", |robot, legs| robot.path_to(legs, None));
+    library.two("path_to", |robot, legs, speed| robot.path_to(legs, Some(speed)));
     library.one("wait", Robot::wait);
     library.one("speed", Robot::set_speed);
     library.two("speed", Robot::set_speed_of);

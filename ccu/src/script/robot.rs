@@ -10,7 +10,7 @@ use supersigma_protocol::{
     Address, AxisNumber, AxisReport, Distance, Position, Refusal, SensePoint, SpeedIndex, Ticks,
 };
 
-use crate::executive::{Displacement, Failure, Knowledge, Operate, Outcome, Request};
+use crate::executive::{Displacement, Failure, Knowledge, Leg, Operate, Outcome, Request};
 
 use super::arguments::{self as read, Lines};
 use super::trouble::Trouble;
@@ -105,6 +105,42 @@ impl Robot {
             *value = value.saturating_sub(self.where_is(*axis)?);
         }
         self.together(&parts, speed)
+    }
+
+    pub(super) fn path(&mut self, legs: &Dynamic, speed: Option<&Dynamic>) -> Done {
+        let legs = read::legs(&self.knowledge, legs)?;
+        self.one_after_the_other(&legs, speed)
+    }
+
+    /// Each leg goes on from where the one before it ends; an axis that a leg does not name stays where it is.
+    pub(super) fn path_to(&mut self, legs: &Dynamic, speed: Option<&Dynamic>) -> Done {
+        let mut legs = read::legs(&self.knowledge, legs)?;
+        let mut places = BTreeMap::new();
+        for (axis, value) in legs.iter_mut().flatten() {
+            let place = match places.get(axis) {
+                Some(place) => *place,
+                None => self.where_is(*axis)?,
+            };
+            places.insert(*axis, *value);
+            *value = value.saturating_sub(place);
+        }
+        self.one_after_the_other(&legs, speed)
+    }
+
+    fn one_after_the_other(&mut self, legs: &[Vec<(AxisNumber, i64)>], speed: Option<&Dynamic>) -> Done {
+        let mut path = Vec::with_capacity(legs.len());
+        for parts in legs.iter().filter(|parts| parts.iter().any(|(_, by)| *by != 0)) {
+            let speed = match speed {
+                Some(speed) => Some(read::speed(speed)?),
+                None => self.line_ceiling(parts)?,
+            };
+            let parts = parts.iter().map(|(axis, by)| (*axis, Displacement(*by))).collect();
+            path.push(Leg { parts, speed });
+        }
+        if path.is_empty() {
+            return Ok(());
+        }
+        self.request(Request::Path { legs: path, wait: true }).map(drop)
     }
 
     pub(super) fn set_speed(&mut self, speed: &Dynamic) -> Done {

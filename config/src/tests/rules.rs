@@ -256,3 +256,24 @@ fn all_broken_rules_are_told_at_once() {
         assert!(drawn.contains(part), "no {part:?} in\n{drawn}");
     }
 }
+
+#[test]
+fn motors_can_be() {
+    breaks(
+        &axis_and("motor = { friction = -1 }\n"),
+        "set.toml:6:22: axis[0].motor.friction: -1 is less than 0",
+        "Dry friction, the same at every speed",
+    );
+    breaks(
+        &axis_and("motor = { load_torque = 3.0 }\n"),
+        "set.toml:6:9: axis[0].motor.holding_torque: friction and load torque, 3.03 N·m together, are not less than the holding torque, 2.5 N·m",
+        "holds its detent",
+    );
+    breaks(
+        &axis_and("motor = { half_steps_per_turn = 404 }\n"),
+        "set.toml:6:33: axis[0].motor.half_steps_per_turn: 404 half steps are not a turn, which has 8 to 25 600, a multiple of 8",
+        "multiple of 8",
+    );
+    let bench = Config::from_toml(&axis_and("motor = {}\n"), "set.toml").expect("sound");
+    assert_eq!(bench.axes[0].motor, Some(crate::MotorConfig::bench()));
+}

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::command::Operation;
 use crate::report::{Activity, Alarm, AxisReport, End, SensePoint, StatusWord};
-use crate::units::{Direction, Distance, Position, SpeedIndex, Steps, Ticks};
+use crate::units::{Deviation, Direction, Distance, Position, SpeedIndex, Steps, Ticks};
 
 fn check(frame: &Frame, bytes: &[u8]) {
     let encoded = frame.encode();
@@ -72,6 +72,7 @@ fn an_answer_frame_has_these_bytes() {
             position: Some(Position(-13)),
             activity: Activity::Standing,
             alarm: None,
+            lost: None,
         }),
     };
     let frame = Frame {
@@ -95,6 +96,7 @@ fn an_answer_frame_has_these_bytes() {
         0x01, 0x19,             // position
         0x00,                   // standing
         0x00,                   // no alarm
+        0x00,                   // no origination to compare with
     ]);
 }
 
@@ -106,6 +108,7 @@ fn an_unasked_alarm_and_a_refusal_have_these_bytes() {
         position: None,
         activity: Activity::SeekingReference,
         alarm: Some(Alarm::SwitchNeverClosed(Steps(60_000))),
+        lost: Some(Deviation(-37)),
     };
     let mut answer = Answer {
         card: Address(7),
@@ -119,7 +122,7 @@ fn an_unasked_alarm_and_a_refusal_have_these_bytes() {
         tick: Tick(6),
         body: Body::Answer(answer),
     };
-    let tail = [0x05, 0x00, 0x00, 0x00, 0x00, 0x08, 0x01, 0x03, 0xE0, 0xD4, 0x03];
+    let tail = [0x05, 0x00, 0x00, 0x00, 0x00, 0x08, 0x01, 0x03, 0xE0, 0xD4, 0x03, 0x01, 0x49];
     check(&frame, &[&[0x01, 0x07, 0x00, 0x06, 0x01, 0x07, 0x01, 0x01][..], &tail].concat());
     answer.about = About::Command(Sequence(2), Err(Refusal::SpeedOutOfRange { speed: 233 }));
     frame.body = Body::Answer(answer);
@@ -145,6 +148,7 @@ fn the_longest_frame_fits() {
             position: Some(Position(i32::MIN)),
             activity: Activity::SeekingReference,
             alarm: Some(Alarm::ReferenceNotFound(Steps(u32::MAX))),
+            lost: Some(Deviation(i32::MIN)),
         }),
     };
     let frame = Frame {
@@ -154,8 +158,8 @@ fn the_longest_frame_fits() {
         body: Body::Answer(answer),
     };
     // A u64 takes 10 bytes at most, a 32-bit integer 5: envelope 2 + 10 + 10, answer 1 + 1, about 1 + 10 + 1 + 1 + 3·5,
-    // acted at 10, report 1 + 1 + 5 + (1 + 5) + 1 + (1 + 1 + 5).
-    assert_eq!(frame.encode().len(), 22 + 2 + 28 + 10 + 21);
+    // acted at 10, report 1 + 1 + 5 + (1 + 5) + 1 + (1 + 1 + 5) + (1 + 5).
+    assert_eq!(frame.encode().len(), 22 + 2 + 28 + 10 + 27);
 }
 
 #[test]
@@ -251,6 +255,7 @@ fn any_axis_report() -> impl Strategy<Value = AxisReport> {
         position: position.map(Position),
         activity,
         alarm,
+        lost: position.map(|position| Deviation(position / 2)),
     })
 }
 

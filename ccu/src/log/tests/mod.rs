@@ -74,6 +74,7 @@ fn alarmed(card: u8, sequence: u64, tick: u64, about: About, alarm: Option<Alarm
                 position: Some(Position(-17)),
                 activity: Activity::Standing,
                 alarm,
+                lost: None,
             }),
         }),
     }
@@ -85,7 +86,7 @@ const REFUSED: About = About::Command(Sequence(0), Err(Refusal::NotOriginated));
 
 fn lane(frame: &Frame) -> Lane {
     match frame.body {
-        Body::Command(_) => Lane::Commands,
+        Body::Command(_) | Body::Fault(..) => Lane::Commands,
         Body::Answer(_) => Lane::Answers,
     }
 }

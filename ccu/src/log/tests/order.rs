@@ -107,7 +107,7 @@ proptest! {
         let mut commanded = None;
         for frame in &frames {
             match &frame.body {
-                Body::Command(_) => commanded = Some(frame.sequence),
+                Body::Command(_) | Body::Fault(..) => commanded = Some(frame.sequence),
                 Body::Answer(Answer { about: About::Command(sequence, _), .. }) => {
                     prop_assert!(commanded.is_some_and(|last| *sequence <= last), "{:?}", frame);
                 }

@@ -35,7 +35,7 @@ fn a_command_in_json() {
             "tick": 3, "time_s": 0.000_001_5, "sender": "ccu", "sequence": 17,
             "to": 1, "name": "left_x", "bytes": "01 82 0A 28 5A",
             "operation": "MoveLimited", "refusal": null,
-            "direction": "towards_origin", "steps": 2600, "speed": 90, "word": null, "at": 5_000_001,
+            "direction": "towards_origin", "steps": 2600, "speed": 90, "word": null, "fault": null, "at": 5_000_001,
         })
     );
 }
@@ -49,7 +49,7 @@ fn bytes_that_are_no_command_in_json() {
             "tick": 2_000_000, "time_s": 1.0, "sender": "ccu", "sequence": 0,
             "to": 0, "name": "everyone", "bytes": "00 7F",
             "operation": null, "refusal": "op-code 7F is unknown (01 to 0E, 21 and 22 are known)",
-            "direction": null, "steps": null, "speed": null, "word": null, "at": null,
+            "direction": null, "steps": null, "speed": null, "word": null, "fault": null, "at": null,
         })
     );
     let empty = json_of(&command(0, 0, &[]));
@@ -81,6 +81,7 @@ fn an_answer_in_json() {
             "acted_at": 3_999_997,
             "sense": "00010", "x1": false, "x2": false, "x3": false, "x4": true, "x5": false,
             "steps": 2600, "position": -17, "activity": "standing",
+            "lost": null,
             "alarm": {
                 "cause": "switch_never_closed",
                 "message": "the limit switch did not close within 900 steps",

@@ -7,9 +7,11 @@ use std::time::Duration;
 
 use axis_worker::Card;
 use supersigma_config::Config;
-use supersigma_protocol::{Alarm, Answer, AxisNumber, Body, Broadcast, Frame, Sender, Sequence, Tick, Ticks};
+use supersigma_protocol::{
+    Alarm, Answer, AxisNumber, Body, Broadcast, Fault, Frame, Sender, Sequence, Tick, Ticks,
+};
 
-use crate::executive::{Executive, Failure, Heard, Knowledge, Link, Movement};
+use crate::executive::{Common, Executive, Failure, Heard, Knowledge, Link, Movement};
 use crate::script::{Limits, Program, ScriptError, Watcher, lock};
 
 /// Cards on one bus, all at the same tick.
@@ -18,6 +20,7 @@ pub(super) struct Bench {
     cards: Vec<Card>,
     now: Tick,
     sequence: Sequence,
+    common: Arc<Common>,
     heard: VecDeque<Heard>,
     /// An emergency input that will close.
     pub(super) emergency: Option<(Tick, AxisNumber, Alarm)>,
@@ -36,7 +39,8 @@ impl Bench {
             cards.push(Card::axis(config, axis.address).expect("a good ramp").expect("it exists"));
         }
         let (now, sequence, heard) = (Tick(0), Sequence(0), VecDeque::new());
-        Self { knowledge, cards, now, sequence, heard, emergency: None, failure: None, stop: None }
+        let common = Arc::default();
+        Self { knowledge, common, cards, now, sequence, heard, emergency: None, failure: None, stop: None }
     }
 
     /// The position of the carriage itself, in steps from where the limit switch opens.
@@ -57,6 +61,18 @@ impl Bench {
         let failure = self.failure.as_ref().map(|(tick, _)| *tick);
         let stop = self.stop.as_ref().map(|(tick, _)| *tick);
         cards.chain(emergency).chain(failure).chain(stop).min()
+    }
+
+    fn put(&mut self, body: Body) -> Sequence {
+        let sequence = self.sequence;
+        self.sequence = sequence.next();
+        let frame = Frame { sender: Sender::Ccu, sequence, tick: self.now, body };
+        let mut answers: Vec<Answer> = Vec::new();
+        for card in &mut self.cards {
+            card.hear(&frame, &mut answers);
+        }
+        self.heard.extend(answers.into_iter().map(Heard::Answer));
+        sequence
     }
 
     fn advance(&mut self, to: Tick) {
@@ -89,16 +105,18 @@ impl Link for Bench {
         Ticks::from_millis(u64::try_from(real.as_millis()).expect("a short time"))
     }
 
+    fn common(&self) -> Arc<Common> {
+        Arc::clone(&self.common)
+    }
+
+    fn tell_resume(&self) {}
+
     fn send(&mut self, broadcast: Broadcast) -> Result<Sequence, Failure> {
-        let sequence = self.sequence;
-        self.sequence = sequence.next();
-        let frame = Frame { sender: Sender::Ccu, sequence, tick: self.now, body: Body::Command(broadcast) };
-        let mut answers: Vec<Answer> = Vec::new();
-        for card in &mut self.cards {
-            card.hear(&frame, &mut answers);
-        }
-        self.heard.extend(answers.into_iter().map(Heard::Answer));
-        Ok(sequence)
+        Ok(self.put(Body::Command(broadcast)))
+    }
+
+    fn inject(&mut self, axis: AxisNumber, fault: Fault) -> Result<Sequence, Failure> {
+        Ok(self.put(Body::Fault(axis, fault)))
     }
 
     fn hear(&mut self, until: Tick) -> Result<Option<Heard>, Failure> {

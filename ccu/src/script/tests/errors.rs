@@ -37,8 +37,8 @@ fn an_unknown_function_is_drawn_with_the_nearest_name() {
    ·    ╰── here
    ╰────
   help: did you mean `go_to`? the functions of the robot and of this program are `origin`,
-        `reference`, `go_to`, `move_by`, `slew`, `line`, `line_to`, `wait`, `speed`, `output`,
-        `input`, `wait_for`, `position`, `status`, `halt`, `brake`, `clear`"#,
+        `reference`, `go_to`, `move_by`, `slew`, `line`, `line_to`, `path`, `path_to`, `wait`,
+        `speed`, `output`, `input`, `wait_for`, `position`, `status`, `halt`, `brake`, `clear`"#,
     );
     assert!(!error.is_robots_fault());
 }

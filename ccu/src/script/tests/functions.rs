@@ -138,7 +138,7 @@ fn a_line_ends_on_all_axes_at_about_one_time() {
     let rig = Rig::ready();
     rig.run("line(#{ left_x: 7919, \"2\": 1300, right_z: 0 })").unwrap();
     let movements = rig.movements();
-    assert_eq!(movements.iter().map(|movement| movement.axis.get()).collect::<Vec<_>>(), [2, 1]);
+    assert_eq!(movements.iter().map(|movement| movement.axis.get()).collect::<Vec<_>>(), [1, 2]);
     assert!(movements.iter().all(|movement| movement.kind == MovementKind::Line));
     assert_eq!((rig.carriage("left_x"), rig.carriage("left_y")), (7_919, 1_300));
     let gap = movements[0].took.0.abs_diff(movements[1].took.0);
@@ -295,4 +295,27 @@ fn constants_loops_and_functions_work_together() {
     )
     .unwrap();
     assert_eq!((rig.carriage("left_x"), rig.carriage("left_y")), (750, 750));
+}
+
+#[test]
+fn a_path_runs_on_over_its_joints() {
+    let lines = Rig::new();
+    lines.run("origin([1, 2]); for i in 0..4 { line(#{ left_x: 3000, left_y: 1500 }) }").unwrap();
+    let stopping = lines.movements().iter().skip(2).step_by(2).map(|one| one.took.0).sum::<u64>();
+
+    let path = Rig::new();
+    path.run("origin([1, 2]); let leg = #{ left_x: 3000, left_y: 1500 }; path([leg, leg, leg, leg])")
+        .unwrap();
+    let movements = path.movements();
+    let [.., one, other] = &movements[..] else { panic!("two axes moved: {movements:?}") };
+    assert_eq!((one.kind, one.done, other.done), (MovementKind::Path, Steps(12_000), Steps(6_000)));
+    assert_eq!((path.carriage("left_x"), path.carriage("left_y")), (12_000, 6_000));
+    assert!(one.took.0 < stopping * 2 / 3, "{} ticks without stopping, {stopping} with", one.took.0);
+
+    path.run("path_to([#{ left_x: 100 }, #{ left_x: 200, left_y: 0 }, #{ left_y: 50 }])").unwrap();
+    assert_eq!((path.carriage("left_x"), path.carriage("left_y")), (200, 50));
+    let error = path.fails("path([#{ left_x: 10 }, #{ left_x: -999 }])");
+    assert!(error.to_string().contains("target -789 is outside the travel"), "{error}");
+    path.run("path([]); path([#{ left_x: 0 }])").unwrap();
+    assert!(path.fails("path(#{ left_x: 1 })").to_string().contains("an array of maps"));
 }

@@ -10,6 +10,8 @@ use supersigma_protocol::{
 
 use crate::{Card, Sink};
 
+mod faults;
+
 /// Keeps everything that an axis brings forth.
 #[derive(Default)]
 struct Record {

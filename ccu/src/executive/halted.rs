@@ -1,0 +1,217 @@
+//! What becomes of a movement that somebody halts: its rest is known, kept, and made when somebody resumes it. A program
+//! waits for that; a single command ends, and leaves its rest behind.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use supersigma_protocol::{
+    Activity, Answer, AxisNumber, AxisReport, Broadcast, Command, Operation, Report, Steps,
+};
+
+use super::link::{Heard, Link};
+use super::request::{AxisState, Displacement, Failure, Leg, Movement, Outcome, Remainder, Request};
+use super::{Executive, Operate};
+
+/// A program that waits to be resumed sleeps for so long at a time.
+const NAP: Duration = Duration::from_secs(3_600);
+/// Whoever waits for an axis to stand looks at least so often; its end is told unasked.
+const LOOK: Duration = Duration::from_millis(100);
+
+impl<L: Link> Executive<L> {
+    /// Carries out a request of a program: if it is halted, waits until it is resumed, and makes the rest.
+    ///
+    /// # Errors
+    /// As [`Operate::operate`]; a halt alone is none.
+    pub fn operate_or_wait(&mut self, request: Request) -> Result<Outcome, Failure> {
+        let asked = moving(&request);
+        let axes: Vec<_> = asked.keys().copied().collect();
+        let mut made: BTreeMap<AxisNumber, Steps> = BTreeMap::new();
+        let mut result = self.operate(request);
+        while let Err(Failure::Stopped { .. }) = result {
+            let Some(rest) = self.link.common().take_left_of(&axes) else { break };
+            for axis in &axes {
+                let so_far = made.entry(*axis).or_default();
+                *so_far = *so_far + self.stand(*axis)?.steps;
+            }
+            self.wait_for_resume()?;
+            self.check_places(&rest)?;
+            result = self.operate(rest.request);
+        }
+        match result? {
+            Outcome::Moved(movements) => {
+                Ok(Outcome::Moved(movements.into_iter().map(|rest| whole(rest, &asked, &made)).collect()))
+            }
+            other => Ok(other),
+        }
+    }
+
+    /// Makes the rest of what was halted, and lets the programs that wait go on.
+    pub(super) fn resume(&mut self) -> Result<Outcome, Failure> {
+        let (remainders, paused) = self.link.common().take();
+        if remainders.is_empty() && paused == 0 {
+            return Err(Failure::NothingToResume);
+        }
+        self.link.tell_resume();
+        let mut movements = Vec::new();
+        for rest in remainders {
+            self.check_places(&rest)?;
+            if let Outcome::Moved(moved) = self.operate(rest.request)? {
+                movements.extend(moved);
+            }
+        }
+        Ok(Outcome::Moved(movements))
+    }
+
+    /// Stops axes, and whoever is on a line with them: those at one tick, so that they stay on it. Returns when all stand.
+    pub(super) fn stop(&mut self, axes: &[AxisNumber], operation: Operation) -> Result<Outcome, Failure> {
+        let knowledge = self.link.knowledge();
+        let named = knowledge.axes(axes)?;
+        let lead = Duration::from_millis(knowledge.config.line.lead_ms.into());
+        let at = self.link.now() + self.link.ticks(lead / 2);
+        let common = self.link.common();
+        let (mut told, mut gone) = (Vec::new(), Vec::new());
+        for line in named.into_iter().map(|axis| common.line_of(axis)) {
+            let alone = line.len() == 1;
+            for axis in line {
+                if told.contains(&axis) {
+                    continue;
+                }
+                told.push(axis);
+                let command = Command::new(axis.address(), operation);
+                match self.link.send(Broadcast { at: (!alone).then_some(at), ..command.into() }) {
+                    Ok(_) => {}
+                    Err(Failure::WorkerGone { .. }) => gone.push(axis),
+                    Err(failure) => return Err(failure),
+                }
+            }
+        }
+        let mut states = Vec::with_capacity(told.len());
+        for axis in told {
+            let report = if gone.contains(&axis) { None } else { Some(self.stand(axis)?) };
+            states.push(AxisState { axis, report });
+        }
+        Ok(Outcome::Axes(states))
+    }
+
+    /// Keeps what is left of a movement that has been halted.
+    pub(super) fn leave_rest(&mut self, request: &Request) -> Result<(), Failure> {
+        let (mut from, mut done) = (Vec::new(), BTreeMap::new());
+        for axis in moving(request).into_keys() {
+            let report = self.stand(axis)?;
+            from.push((axis, report.position));
+            done.insert(axis, report.steps);
+        }
+        let legs = |legs: &[Leg]| remaining(legs, done.clone());
+        let request = match request {
+            Request::Move { axis, by, speed, constant, wait } => {
+                let parts = vec![(*axis, *by)];
+                let by = legs(&[Leg { parts, speed: *speed }])
+                    .first()
+                    .map_or(Displacement(0), |leg| leg.parts[0].1);
+                Request::Move { axis: *axis, by, speed: *speed, constant: *constant, wait: *wait }
+            }
+            Request::Line { parts, speed, wait } => {
+                let whole = Leg { parts: parts.clone(), speed: *speed };
+                let Some(Leg { parts, speed }) = legs(&[whole]).pop() else { return Ok(()) };
+                Request::Line { parts, speed, wait: *wait }
+            }
+            Request::Path { legs: all, wait } => Request::Path { legs: legs(all), wait: *wait },
+            _ => return Ok(()),
+        };
+        self.link.common().leave(Remainder { request, from });
+        Ok(())
+    }
+
+    /// Waits until an axis stands.
+    pub(super) fn stand(&mut self, axis: AxisNumber) -> Result<AxisReport, Failure> {
+        loop {
+            let answer = self.command(axis, Operation::Status)?;
+            if let Some(report) = standing(axis, &answer) {
+                return Ok(report);
+            }
+            let until = self.link.now() + self.link.ticks(LOOK);
+            while let Some(heard) = self.link.hear(until)? {
+                if let Heard::Answer(answer) = heard
+                    && let Some(report) = standing(axis, &answer)
+                {
+                    return Ok(report);
+                }
+            }
+        }
+    }
+
+    fn wait_for_resume(&mut self) -> Result<(), Failure> {
+        let _paused = self.link.common().pause();
+        loop {
+            let until = self.link.now() + self.link.ticks(NAP);
+            match self.link.hear(until)? {
+                Some(Heard::Resume) => return Ok(()),
+                Some(Heard::GoingDown) => return Err(Failure::GoingDown),
+                Some(Heard::NoLog) => return Err(Failure::NoLog),
+                _ => {}
+            }
+        }
+    }
+
+    fn check_places(&mut self, rest: &Remainder) -> Result<(), Failure> {
+        for (axis, position) in &rest.from {
+            if self.stand(*axis)?.position != *position {
+                return Err(Failure::MovedMeanwhile { axis: *axis });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The axes that a request moves, and how far in all, if its rest can be made later. A search has no rest: it is begun
+/// anew.
+fn moving(request: &Request) -> BTreeMap<AxisNumber, Displacement> {
+    let mut axes = BTreeMap::new();
+    let mut add = |parts: &[(AxisNumber, Displacement)]| {
+        for (axis, by) in parts.iter().filter(|(_, by)| by.0 != 0) {
+            axes.entry(*axis).or_insert(Displacement(0)).0 += by.0;
+        }
+    };
+    match request {
+        Request::Move { axis, by, .. } => add(&[(*axis, *by)]),
+        Request::Line { parts, .. } => add(parts),
+        Request::Path { legs, .. } => legs.iter().for_each(|leg| add(&leg.parts)),
+        _ => {}
+    }
+    axes
+}
+
+/// What an answer says of an axis, if it is this one and stands.
+fn standing(axis: AxisNumber, answer: &Answer) -> Option<AxisReport> {
+    match answer.report {
+        Report::Axis(report) if answer.card == axis.address() && report.activity == Activity::Standing => {
+            Some(report)
+        }
+        _ => None,
+    }
+}
+
+/// The legs without what has been made of them.
+fn remaining(legs: &[Leg], mut done: BTreeMap<AxisNumber, Steps>) -> Vec<Leg> {
+    let mut left_of = |axis: AxisNumber, by: Displacement| {
+        let done = done.entry(axis).or_default();
+        let made = u32::try_from(by.0.unsigned_abs()).unwrap_or(u32::MAX).min(done.0);
+        *done = *done - Steps(made);
+        (axis, Displacement(by.0 - i64::from(made) * by.0.signum()))
+    };
+    let rest = legs.iter().map(|leg| Leg {
+        parts: leg.parts.iter().map(|(axis, by)| left_of(*axis, *by)).collect(),
+        speed: leg.speed,
+    });
+    rest.filter(|leg| leg.parts.iter().any(|(_, by)| by.0 != 0)).collect()
+}
+
+/// A movement together with what was made of it before it was halted.
+fn whole(
+    rest: Movement,
+    asked: &BTreeMap<AxisNumber, Displacement>,
+    made: &BTreeMap<AxisNumber, Steps>,
+) -> Movement {
+    let before = made.get(&rest.axis).copied().unwrap_or_default();
+    Movement { asked: asked.get(&rest.axis).copied().or(rest.asked), done: rest.done + before, ..rest }
+}

@@ -1,0 +1,163 @@
+//! Lines and paths: every axis is told the leading axis' steps and its own, leg by leg, then all are told one start tick.
+//! How fast a joint may be passed is decided here, once, so that all cards plan alike.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use axis_worker::ramp::{Leg as PlanLeg, Plan, Table};
+use supersigma_protocol::{
+    AxisNumber, Broadcast, Command, Direction, Distance, Operation, SpeedIndex, Tick, Ticks,
+};
+
+use super::link::Link;
+use super::request::{Displacement, Failure, Leg, MovementKind, Outcome};
+use super::{Executive, Underway, refused};
+
+/// A leg as it is commanded.
+struct Planned {
+    leg: PlanLeg,
+    limit: Option<SpeedIndex>,
+    parts: BTreeMap<AxisNumber, (Direction, Distance)>,
+}
+
+impl Planned {
+    /// The steps of `axis` for each of the leading axis, with their sign.
+    fn ratio(&self, axis: AxisNumber) -> f64 {
+        let lead = f64::from(self.leg.distance.get());
+        self.parts.get(&axis).map_or(0.0, |(direction, distance)| {
+            let ratio = f64::from(distance.get()) / lead;
+            if *direction == Direction::Forward { ratio } else { -ratio }
+        })
+    }
+}
+
+impl<L: Link> Executive<L> {
+    /// Arms all axes, starts them at one tick, and waits for all.
+    pub(super) fn path(&mut self, legs: &[Leg], kind: MovementKind, wait: bool) -> Result<Outcome, Failure> {
+        let (planned, axes) = self.plan_path(legs)?;
+        let table = self.link.knowledge().table(axes[0])?;
+        let duration = match &planned[..] {
+            [Planned { leg, .. }] => Plan::ramped(table, leg.distance, leg.limit).duration(),
+            _ => Plan::path(table, &planned.iter().map(|one| one.leg).collect::<Vec<_>>()).duration(),
+        };
+        let mut armed = Vec::with_capacity(axes.len());
+        for axis in &axes {
+            let since = match self.arm(*axis, &planned) {
+                Ok(since) => since,
+                Err(failure) => {
+                    self.halt(&armed)?;
+                    // It may have taken the first legs.
+                    self.link.send(Command::new(axis.address(), Operation::Halt).into())?;
+                    return Err(failure);
+                }
+            };
+            let own = planned.iter().filter_map(|leg| leg.parts.get(axis));
+            let asked = legs.iter().flat_map(|leg| &leg.parts).filter(|(other, _)| other == axis);
+            armed.push(Underway {
+                axis: *axis,
+                kind,
+                asked: Some(Displacement(asked.map(|(_, by)| by.0).sum())),
+                steps: Some(own.map(|(_, distance)| u64::from(distance.get())).sum()),
+                since,
+                // Start and due time follow when all are armed.
+                start: since,
+                due: since,
+            });
+        }
+        self.link.common().begin(&axes);
+        let start = self.start_together(&armed)?;
+        for underway in &mut armed {
+            (underway.start, underway.due) = (start, start + Ticks(duration));
+        }
+        if wait { self.complete(&armed) } else { Ok(Outcome::Done) }
+    }
+
+    /// What is commanded for each leg, and all axes that move in any.
+    fn plan_path(&self, legs: &[Leg]) -> Result<(Vec<Planned>, Vec<AxisNumber>), Failure> {
+        let knowledge = self.link.knowledge();
+        let mut planned: Vec<Planned> = Vec::with_capacity(legs.len());
+        for leg in legs {
+            let mut parts = BTreeMap::new();
+            for (axis, by) in &leg.parts {
+                knowledge.table(*axis)?;
+                if let Some(part) = by.split()? {
+                    parts.insert(*axis, part);
+                }
+            }
+            let Some((&leader, &(_, distance))) = parts.iter().max_by_key(|(_, part)| part.1) else {
+                continue;
+            };
+            let limit = leg.speed.map(|speed| self.speed(leader, speed)).transpose()?;
+            let leg = PlanLeg { distance, limit: limit.unwrap_or(SpeedIndex::TOP), joint: SpeedIndex::START };
+            planned.push(Planned { leg, limit, parts });
+        }
+        let mut axes: Vec<_> = planned.iter().flat_map(|leg| leg.parts.keys().copied()).collect();
+        axes.sort_unstable();
+        axes.dedup();
+        let Some(first) = axes.first() else {
+            return Err(Failure::EmptyLine);
+        };
+        knowledge.same_ramp(&axes)?;
+        let table = knowledge.table(*first)?;
+        for i in 1..planned.len() {
+            planned[i - 1].leg.joint = joint(table, &axes, &planned[i - 1], &planned[i]);
+        }
+        Ok((planned, axes))
+    }
+
+    /// Tells one axis all legs; returns when it consented to the last.
+    fn arm(&mut self, axis: AxisNumber, legs: &[Planned]) -> Result<Tick, Failure> {
+        let mut since = Tick(0);
+        for Planned { leg, limit, parts } in legs {
+            self.command(axis, Operation::Lead { distance: leg.distance, limit: *limit })?;
+            let part = match parts.get(&axis) {
+                Some(&(direction, distance)) => Operation::ArmLine { direction, distance },
+                None => Operation::Rest,
+            };
+            since = self.command(axis, part)?.acted_at;
+            if leg.joint != SpeedIndex::START {
+                self.command(axis, Operation::Join { limit: leg.joint })?;
+            }
+        }
+        Ok(since)
+    }
+
+    /// Names one start tick to all armed axes. Unless every one confirms it before half of the lead has passed, the
+    /// line is called off while there is still time, so that nobody moves.
+    fn start_together(&mut self, armed: &[Underway]) -> Result<Tick, Failure> {
+        let lead = Duration::from_millis(self.link.knowledge().config.line.lead_ms.into());
+        let now = self.link.now();
+        let (start, confirmed_by) = (now + self.link.ticks(lead), now + self.link.ticks(lead / 2));
+        let mut pending = Vec::with_capacity(armed.len());
+        for underway in armed {
+            let go = Command::new(underway.axis.address(), Operation::Go);
+            let sequence = self.link.send(Broadcast { at: Some(start), ..go.into() })?;
+            pending.push((underway.axis, sequence));
+        }
+        for (axis, sequence) in pending {
+            let confirmed = match self.answer_to(sequence, confirmed_by)? {
+                Some(answer) => refused(axis, &answer),
+                None => Err(Failure::NotConfirmed { axis }),
+            };
+            if let Err(failure) = confirmed {
+                self.halt(armed)?;
+                return Err(failure);
+            }
+        }
+        Ok(start)
+    }
+}
+
+/// How fast the leading axis may pass the joint between two legs: so that no axis' speed jumps by more than the start
+/// speed, with which any axis may start from standstill.
+fn joint(table: &Table, axes: &[AxisNumber], leg: &Planned, next: &Planned) -> SpeedIndex {
+    let ratios = axes.iter().map(|axis| (leg.ratio(*axis), next.ratio(*axis)));
+    if ratios.clone().any(|(before, after)| before * after < 0.0) {
+        return SpeedIndex::START;
+    }
+    let jump = ratios.map(|(before, after)| (before - after).abs()).fold(0.0, f64::max);
+    if jump == 0.0 {
+        return SpeedIndex::TOP;
+    }
+    table.index_at_most(table.speed(SpeedIndex::START) / jump)
+}

@@ -1,0 +1,103 @@
+//! The executive over a dry set: real cards, real frames, faults on purpose, and no time to wait for.
+
+use supersigma_config::{Config, Feedback, MotorConfig};
+use supersigma_protocol::{Alarm, AxisNumber, Fault, Position, Steps, Switch};
+
+use super::{Displacement, Executive, Failure, Knowledge, Movement, Operate, Outcome, Recovery, Request};
+use crate::dry::{DrySet, NoPulses};
+
+fn axis(number: u8) -> AxisNumber {
+    AxisNumber::new(number).expect("1 to 7")
+}
+
+/// Two axes in closed loop, originated.
+fn closed(change: impl FnOnce(&mut Config)) -> Executive<DrySet<NoPulses>> {
+    let mut config = Config::default_set();
+    for axis in &mut config.axes[..2] {
+        axis.motor = Some(MotorConfig::bench());
+        axis.feedback = Feedback::Closed;
+    }
+    change(&mut config);
+    let knowledge = Knowledge::new(config).expect("good ramps");
+    let mut executive = Executive::new(DrySet::new(knowledge, NoPulses, None).expect("a good set"));
+    executive.operate(Request::Originate { axes: vec![axis(1), axis(2)] }).expect("nothing forbids it");
+    executive
+}
+
+fn lose(executive: &mut Executive<DrySet<NoPulses>>, steps: u32) {
+    let fault = Fault::LostSteps(Steps(steps));
+    executive.operate(Request::Inject { axis: axis(1), fault }).expect("the card answers");
+}
+
+fn go(executive: &mut Executive<DrySet<NoPulses>>, by: i64) -> Result<Movement, Failure> {
+    let request =
+        Request::Move { axis: axis(1), by: Displacement(by), speed: None, constant: false, wait: true };
+    match executive.operate(request)? {
+        Outcome::Moved(movements) => Ok(movements[0]),
+        other => panic!("a movement, not {other:?}"),
+    }
+}
+
+#[test]
+fn a_few_lost_steps_are_the_cards_own_business() {
+    let mut executive = closed(|_| {});
+    lose(&mut executive, 40);
+    let movement = go(&mut executive, 5_000).expect("made good");
+    assert_eq!((movement.position, movement.recovered), (Some(Position(5_000)), None));
+}
+
+#[test]
+fn a_shaft_that_did_not_follow_is_tried_again() {
+    let mut executive = closed(|_| {});
+    lose(&mut executive, 110);
+    let movement = go(&mut executive, 5_000).expect("the second try");
+    assert_eq!((movement.position, movement.recovered), (Some(Position(5_000)), Some(Recovery::TriedAgain)));
+    assert_eq!((movement.asked, movement.done), (Some(Displacement(5_000)), Steps(5_000)));
+    assert!(movement.sense.is_closed_loop_success(), "{:?}", movement.sense);
+}
+
+#[test]
+fn what_a_second_try_does_not_mend_the_reference_step_does() {
+    let mut executive = closed(|_| {});
+    go(&mut executive, 3_000).expect("nothing is wrong yet");
+    lose(&mut executive, 210);
+    let movement = go(&mut executive, 5_000).expect("from the reference step");
+    assert_eq!(
+        (movement.position, movement.recovered),
+        (Some(Position(8_000)), Some(Recovery::SoughtReference))
+    );
+}
+
+#[test]
+fn when_nothing_helps_it_says_what_was_tried() {
+    let mut executive = closed(|_| {});
+    let fault = Fault::Switch(Switch::StuckOpen);
+    executive.operate(Request::Inject { axis: axis(1), fault }).expect("the card answers");
+    lose(&mut executive, 210);
+    let failure = go(&mut executive, 5_000).expect_err("nothing helps");
+    let text = failure.to_string();
+    assert!(matches!(failure, Failure::GaveUp { .. }), "{text}");
+    assert!(text.contains("the limit switch did not close"), "{text}");
+    assert!(text.contains("tried: tried again, sought the reference step"), "{text}");
+}
+
+#[test]
+fn who_does_not_want_it_mended_gets_the_failure() {
+    let mut executive = closed(|config| config.executive.recover = false);
+    lose(&mut executive, 110);
+    let failure = go(&mut executive, 5_000).expect_err("nobody mends it");
+    assert!(matches!(failure, Failure::Alarm { alarm: Alarm::FollowingError(_), .. }), "{failure}");
+}
+
+#[test]
+fn axes_with_different_ramps_do_not_go_on_a_line() {
+    let mut executive = closed(|config| {
+        let slower = supersigma_config::RampConfig { amplitude: 12_000.0, ..config.ramp.clone() };
+        config.axes[1].ramp = Some(slower);
+    });
+    let parts = vec![(axis(1), Displacement(100)), (axis(2), Displacement(100))];
+    let failure =
+        executive.operate(Request::Line { parts, speed: None, wait: true }).expect_err("they differ");
+    assert_eq!(failure, Failure::DifferentRamps { one: axis(1), other: axis(2) });
+    assert_eq!(failure.exit_code(), 2);
+}

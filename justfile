@@ -1,0 +1,29 @@
+# The project's commands. `just` (https://just.systems) only shortens them: each is one line that can be typed without it.
+
+# List the recipes
+default:
+    @just --list
+
+# Build everything, optimised; the command is then target/release/ccu
+build:
+    cargo build --release --workspace
+
+# Run every test of every crate
+test:
+    cargo test --workspace
+
+# Check the format and the lints; a warning is an error
+lint:
+    cargo fmt --check && cargo clippy --workspace --all-targets -- -D warnings
+
+# Run what decides whether the tree is good; needs bash, and uses Python with pip if it is there
+ci:
+    .ci/run
+
+# Start a set, run the small assembly on it, take the set down
+demo:
+    cargo run --release -- run examples/assembly.rhai
+
+# Build the book from docs/ into docs/book; needs mdBook (`cargo install mdbook`)
+docs:
+    mdbook build docs
