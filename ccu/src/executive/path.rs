@@ -46,8 +46,6 @@ impl<L: Link> Executive<L> {
                 Ok(since) => since,
                 Err(failure) => {
                     self.halt(&armed)?;
-                    // It may have taken the first legs.
-                    self.link.send(Command::new(axis.address(), Operation::Halt).into())?;
                     return Err(failure);
                 }
             };
@@ -105,19 +103,37 @@ impl<L: Link> Executive<L> {
         Ok((planned, axes))
     }
 
-    /// Tells one axis all legs; returns when it consented to the last.
+    /// Tells one axis all legs; returns when it consented to the last. If it refuses a later one, the first ones are
+    /// taken back; an axis that refuses the first is left alone, for it may be moving for somebody else.
     fn arm(&mut self, axis: AxisNumber, legs: &[Planned]) -> Result<Tick, Failure> {
-        let mut since = Tick(0);
-        for Planned { leg, limit, parts } in legs {
-            self.command(axis, Operation::Lead { distance: leg.distance, limit: *limit })?;
-            let part = match parts.get(&axis) {
-                Some(&(direction, distance)) => Operation::ArmLine { direction, distance },
-                None => Operation::Rest,
-            };
-            since = self.command(axis, part)?.acted_at;
-            if leg.joint != SpeedIndex::START {
-                self.command(axis, Operation::Join { limit: leg.joint })?;
+        let mut since = None;
+        for leg in legs {
+            match self.arm_leg(axis, leg) {
+                Ok(consented) => since = Some(consented),
+                Err(failure) => {
+                    if since.is_some() {
+                        self.link.send(Command::new(axis.address(), Operation::Halt).into())?;
+                    }
+                    return Err(failure);
+                }
             }
+        }
+        since.ok_or(Failure::EmptyLine)
+    }
+
+    fn arm_leg(
+        &mut self,
+        axis: AxisNumber,
+        Planned { leg, limit, parts }: &Planned,
+    ) -> Result<Tick, Failure> {
+        self.command(axis, Operation::Lead { distance: leg.distance, limit: *limit })?;
+        let part = match parts.get(&axis) {
+            Some(&(direction, distance)) => Operation::ArmLine { direction, distance },
+            None => Operation::Rest,
+        };
+        let since = self.command(axis, part)?.acted_at;
+        if leg.joint != SpeedIndex::START {
+            self.command(axis, Operation::Join { limit: leg.joint })?;
         }
         Ok(since)
     }
