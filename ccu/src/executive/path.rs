@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use axis_worker::ramp::{Leg as PlanLeg, Plan, Table};
 use supersigma_protocol::{
-    AxisNumber, Broadcast, Command, Direction, Distance, Operation, SpeedIndex, Tick, Ticks,
+    AxisNumber, Broadcast, Command, Direction, Distance, Operation, Refusal, SpeedIndex, Tick, Ticks,
 };
 
 use super::link::Link;
@@ -46,8 +46,10 @@ impl<L: Link> Executive<L> {
                 Ok(since) => since,
                 Err(failure) => {
                     self.halt(&armed)?;
-                    // It may have taken the first legs.
-                    self.link.send(Command::new(axis.address(), Operation::Halt).into())?;
+                    // It may have taken the first legs; unless it moves already, which is somebody else's movement.
+                    if !matches!(failure, Failure::Refused { refusal: Refusal::Moving, .. }) {
+                        self.link.send(Command::new(axis.address(), Operation::Halt).into())?;
+                    }
                     return Err(failure);
                 }
             };
