@@ -18,7 +18,8 @@ pub(super) fn unknown<'a>(
     name: &str,
     known: impl Iterator<Item = &'a str> + Clone,
 ) -> Exit {
-    let help = choose(name, known, &format!("its {what}s are"));
+    let several = if what == "axis" { "axes".to_owned() } else { format!("{what}s") };
+    let help = choose(name, known, &format!("its {several} are"));
     Exit::wrong(miette!(help = help, "this set has no {what} {name:?}"))
 }
 
