@@ -74,8 +74,8 @@ fn a_program_does_the_same_at_every_speed_and_dry() {
     assert_eq!(
         asked("line"),
         [
-            row("right_y", 1777, 1777),
             row("right_x", 3001, 3001),
+            row("right_y", 1777, 1777),
             row("right_z", 1, 1),
             row("wrist", 240, 240)
         ]
