@@ -102,6 +102,26 @@ fn a_halt_from_a_second_terminal_ends_a_waiting_move() {
 }
 
 #[test]
+fn a_halted_program_waits_to_be_resumed() {
+    let cell = Cell::new(EXE);
+    let _up = cell.up("3");
+    let text = "origin(\"left_x\");\nprint(\"ready\");\nmove_by(\"left_x\", 20000, 4000);\nprint(\"over\");\n";
+    let program = cell.file("program.rhai", text);
+    let mut running = cell.start(&format!("run --json {}", program.display()));
+    running.says("ready");
+    on_its_way(&cell);
+    cell.ccu("halt left_x").done();
+    let position = cell.until("left_x", "stands", |axis| axis["activity"] == "standing")["position"].clone();
+    assert!((1..20_000).contains(&position.as_i64().expect("the position is kept")), "{position}");
+    cell.ccu("resume").done();
+    let told = running.end().good().json();
+    assert_eq!(told[told.len() - 2], json!({ "print": "over" }));
+    let movement = &told[told.len() - 3]["movement"];
+    assert_eq!((&movement["done"], &movement["position"]), (&json!(20_000), &json!(20_000)));
+    assert_eq!(cell.down(), None);
+}
+
+#[test]
 fn ctrl_c_in_a_program_on_its_own_set_takes_everything_down() {
     let cell = Cell::new(EXE);
     let program = cell.file("program.rhai", PROGRAM);
