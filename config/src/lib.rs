@@ -26,5 +26,5 @@ pub use model::{
     TravelConfig,
 };
 pub use motor::{HALF_STEPS_PER_CYCLE, MotorConfig, MotorError};
-pub use problem::Problem;
+pub use problem::{Problem, choose};
 pub use ramp::{RampError, SPEEDS};

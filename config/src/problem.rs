@@ -272,8 +272,10 @@ impl Problem {
     }
 }
 
-/// "did you mean", and the whole list.
-fn choose<'a>(wrong: &str, right: impl Iterator<Item = &'a str> + Clone, list_is: &str) -> String {
+/// What to say to a name that is none of the right ones: "did you mean", and the whole list, as in
+/// ``did you mean `left_x`? the axes are `left_x`, `left_y` ``.
+#[must_use]
+pub fn choose<'a>(wrong: &str, right: impl Iterator<Item = &'a str> + Clone, list_is: &str) -> String {
     let nearest = right
         .clone()
         .map(|candidate| (strsim::damerau_levenshtein(wrong, candidate), candidate))

@@ -14,21 +14,25 @@
 //!
 //! An alarm is no state of its own: it accompanies the state, forbids new movements, and stays until `Clear`.
 
+mod arming;
+mod following;
 mod movement;
 mod search;
+mod searching;
 mod servo;
 
 use supersigma_config::{AxisConfig, RampConfig, RampError, TravelConfig};
 use supersigma_protocol::{
-    Activity, Alarm, AxisReport, Deviation, Direction, Distance, End, Fault, Operation, Position, Refusal,
-    SensePoint, SpeedIndex, StatusWord, Steps, Tick,
+    Activity, Alarm, AxisReport, Deviation, Direction, End, Fault, Operation, Position, Refusal, SensePoint,
+    SpeedIndex, StatusWord, Steps, Tick,
 };
 
+use self::arming::{Armed, Lead};
 use self::movement::Movement;
-use self::search::{Bounds, Found, Goal, MARGIN, Search, Stage};
-use self::servo::{Servo, Settling, Verdict};
+use self::search::{Bounds, Found, Goal, Search, Stage};
+use self::servo::{Servo, Settling};
 use crate::board::{Board, Sink};
-use crate::ramp::{Leg, Plan, Schedule, Share, Stop, Table};
+use crate::ramp::{Plan, Schedule, Stop, Table};
 
 /// The program and its few variables.
 #[derive(Debug)]
@@ -52,21 +56,6 @@ pub struct Firmware {
     brake_at: Option<Tick>,
 }
 
-/// What a `Lead` command said.
-#[derive(Debug, Clone, Copy)]
-struct Lead {
-    distance: Distance,
-    limit: SpeedIndex,
-}
-
-/// A path that waits for its start: what the leading axis makes of each leg, and what this one does.
-#[derive(Debug, Default)]
-struct Armed {
-    legs: Vec<Leg>,
-    shares: Vec<Share>,
-    start: Option<Tick>,
-}
-
 /// What the axis is doing; each state holds what only it needs.
 #[derive(Debug)]
 enum State {
@@ -78,20 +67,6 @@ enum State {
     /// Closed loop: the origin is found, and the encoder's zero will be where the shaft comes to rest.
     Zeroing(Search, Settling),
     Searching(Search, Movement),
-}
-
-/// How many legs a path may have.
-const LEGS: usize = 32;
-
-impl Armed {
-    fn schedule(&self, table: &Table) -> Schedule {
-        let plan = match self.legs[..] {
-            // A single line is a movement like any other, and made by the axis' method.
-            [Leg { distance, limit, .. }] => Plan::ramped(table, distance, limit),
-            _ => Plan::path(table, &self.legs),
-        };
-        Schedule::shared(plan, &self.shares)
-    }
 }
 
 impl Firmware {
@@ -332,131 +307,6 @@ impl Firmware {
         &self.table
     }
 
-    fn standing(&self) -> Result<(), Refusal> {
-        match (&self.state, self.alarm) {
-            (State::Standing, None) => Ok(()),
-            (State::Standing, Some(_)) => Err(Refusal::InAlarm),
-            _ => Err(Refusal::Moving),
-        }
-    }
-
-    fn ready_for(&self, direction: Direction, distance: Distance, board: &Board) -> Result<(), Refusal> {
-        self.standing()?;
-        self.within_travel(&[], direction, distance, board)
-    }
-
-    /// Whether the axis may go on by `distance` after `shares`.
-    fn within_travel(
-        &self,
-        shares: &[Share],
-        direction: Direction,
-        distance: Distance,
-        board: &Board,
-    ) -> Result<(), Refusal> {
-        let base = self.base.ok_or(Refusal::NotOriginated)?;
-        let mut moves = shares.iter().filter_map(|share| share.own);
-        let end = ahead(direction);
-        if board.detectors().zone() == Some(end) && moves.clone().next().is_none() {
-            return Err(Refusal::AtEnd { end });
-        }
-        let from = moves.try_fold(base, |position, (direction, distance)| {
-            Ok(position.moved(direction, distance.steps()))
-        })?;
-        let target = from.moved(direction, distance.steps());
-        let TravelConfig { min, max } = self.travel;
-        let leaves = match direction {
-            Direction::Forward => target > max,
-            Direction::TowardsOrigin => target < min,
-        };
-        if leaves { Err(Refusal::OutOfTravel { target, min, max }) } else { Ok(()) }
-    }
-
-    /// Whether a leg may be armed: standing free, or armed and not yet about to start.
-    fn armable(&self) -> Result<(), Refusal> {
-        match &self.state {
-            State::Armed(armed) if armed.start.is_none() => {
-                if armed.legs.len() < LEGS {
-                    Ok(())
-                } else {
-                    Err(Refusal::PathFull)
-                }
-            }
-            _ => self.standing(),
-        }
-    }
-
-    /// Takes the axis' own part of the leg whose leading axis is set; `None` means that it stands.
-    fn arm(&mut self, own: Option<(Direction, Distance)>, board: &Board) -> Result<(), Refusal> {
-        self.armable()?;
-        let lead = self.lead.ok_or(Refusal::NoLead)?;
-        let armed = match &self.state {
-            State::Armed(armed) => armed,
-            _ => &Armed::default(),
-        };
-        if let Some((direction, distance)) = own {
-            if distance > lead.distance {
-                return Err(Refusal::LongerThanLead { steps: distance.get(), lead: lead.distance.get() });
-            }
-            self.within_travel(&armed.shares, direction, distance, board)?;
-            let before: u32 =
-                armed.shares.iter().filter_map(|share| share.own).map(|own| own.1.steps().0).sum();
-            let total = before + distance.steps().0;
-            if total > Distance::MAX.steps().0 {
-                return Err(Refusal::PathTooLong { steps: total });
-            }
-        } else if self.base.is_none() {
-            return Err(Refusal::NotOriginated);
-        }
-        if matches!(self.state, State::Standing) {
-            self.steps = Steps(0);
-            self.state = State::Armed(Armed::default());
-        }
-        if let State::Armed(armed) = &mut self.state {
-            let Lead { distance, limit } = lead;
-            armed.legs.push(Leg { distance, limit, joint: SpeedIndex::START });
-            armed.shares.push(Share { lead: distance, own });
-        }
-        self.lead = None;
-        Ok(())
-    }
-
-    /// Says how fast the joint after the last armed leg may be passed.
-    fn join(&mut self, limit: SpeedIndex) -> Result<(), Refusal> {
-        match &mut self.state {
-            State::Armed(Armed { legs, start: None, .. }) => {
-                if let Some(last) = legs.last_mut() {
-                    last.joint = limit;
-                }
-                Ok(())
-            }
-            State::Standing | State::Armed(_) => Err(Refusal::NotArmed),
-            _ => Err(Refusal::Moving),
-        }
-    }
-
-    fn go(&mut self, at: Option<Tick>, alone: bool, board: &Board) -> Result<(), Refusal> {
-        let State::Armed(Armed { start, .. }) = &mut self.state else {
-            // Said to everyone, it concerns those that are armed.
-            return if alone { Err(Refusal::NotArmed) } else { Ok(()) };
-        };
-        let at = at.ok_or(Refusal::NoStartTick)?;
-        if at < board.now() {
-            return Err(Refusal::Late { by: board.now().since(at) });
-        }
-        *start = Some(at);
-        Ok(())
-    }
-
-    fn search(&mut self, goal: Goal, board: &mut Board, sink: &mut impl Sink) -> Result<(), Refusal> {
-        self.standing()?;
-        let believed = self.base.take();
-        if let Some(servo) = &mut self.servo {
-            servo.forget();
-        }
-        self.begin_stage(Search::new(goal, board.detectors(), believed), board, sink);
-        Ok(())
-    }
-
     fn begin(&mut self, schedule: Schedule, board: &mut Board, sink: &mut impl Sink) {
         self.lead = None;
         if let Some(servo) = &mut self.servo {
@@ -465,113 +315,12 @@ impl Firmware {
         self.state = State::Moving(Movement::begin(schedule, board, sink));
     }
 
-    fn begin_stage(&mut self, search: Search, board: &mut Board, sink: &mut impl Sink) {
-        self.lead = None;
-        if let Some((direction, plan)) = self.bounds.plan(search.stage, search.of_stage, &self.table) {
-            self.state =
-                State::Searching(search, Movement::begin(Schedule::alone(plan, direction), board, sink));
-        } else {
-            self.alarm = Some(search.failure());
-            self.base = None;
-        }
-    }
-
     /// The last pulse of a movement has come.
     fn stand(&mut self, board: &mut Board) {
         let report = self.report(board);
         (self.steps, self.base) = (report.steps, report.position);
         self.halt_at = None;
         self.state = State::Standing;
-    }
-
-    /// The last pulse of a movement has come. Open loop: it is over. Closed loop: the shaft has to get there.
-    fn pulses_out(&mut self, board: &mut Board) {
-        if self.base.is_none() || self.servo.is_none() {
-            return self.stand(board);
-        }
-        if let State::Moving(movement) = &self.state
-            && let Some(base) = self.base
-        {
-            let target = movement.position(base, board);
-            self.state = State::Settling(Settling::new(target, board.now()));
-        }
-    }
-
-    /// Closed loop: looks whether the shaft follows.
-    fn follow(&mut self, board: &mut Board, sink: &mut impl Sink) {
-        if let (Some(servo), State::Moving(movement), Some(base)) = (&mut self.servo, &self.state, self.base)
-        {
-            let commanded = movement.position(base, board);
-            if let Some(error) = servo.error(commanded, board)
-                && self.alarm.is_none()
-            {
-                self.emergency(Alarm::FollowingError(error), board, sink);
-            }
-        }
-    }
-
-    /// Closed loop: looks whether the shaft has come to rest, and makes good what it has lost.
-    fn settle(&mut self, board: &mut Board, sink: &mut impl Sink) {
-        let (State::Settling(settling), Some(servo)) = (&mut self.state, &mut self.servo) else { return };
-        match settling.look(servo, board) {
-            Verdict::Wait => {}
-            // After an emergency the axis stays where it is.
-            Verdict::Correct(..) | Verdict::Off(_) if self.alarm.is_some() => self.stand(board),
-            Verdict::There => self.stand(board),
-            Verdict::Off(by) => {
-                self.alarm.get_or_insert(Alarm::FollowingError(by));
-                self.stand(board);
-            }
-            Verdict::Correct(direction, distance) => {
-                let plan = Plan::constant(&self.table, distance, SpeedIndex::START);
-                // The pulses now begin where the shaft is.
-                self.base = servo.measured(board).map(|(_, position)| position);
-                self.state = State::Moving(Movement::begin(Schedule::alone(plan, direction), board, sink));
-            }
-        }
-    }
-
-    /// The axis stands at its origin, and knows it.
-    fn at_origin(&mut self, search: Search, board: &mut Board, sink: &mut impl Sink) {
-        self.state = State::Standing;
-        self.base = Some(Position(0));
-        self.lost = search.believed.map(|believed| Position(0).deviation_from(believed));
-        if search.goal == Goal::Reference {
-            self.begin_stage(Search { stage: Stage::LockIn, ..search }, board, sink);
-        }
-    }
-
-    /// The last pulse of one stage of a search has come.
-    fn stage_over(&mut self, search: Search, direction: Direction, board: &mut Board, sink: &mut impl Sink) {
-        let detectors = board.detectors();
-        self.stand(board);
-        let made = self.steps - search.made;
-        let believed = search.believed.map(|believed| believed.moved(direction, made));
-        let next = |stage| Search { stage, made: self.steps, believed, of_stage: Steps(0), ..search };
-        match search.stage {
-            Stage::Overshoot if detectors.lower => {
-                // The switch closed somewhere in this movement: `of_stage` was the count then.
-                let beyond = made - search.of_stage;
-                self.begin_stage(next(Stage::BackOff(beyond + MARGIN)), board, sink);
-            }
-            Stage::BackOff(_) if !detectors.lower => self.begin_stage(next(Stage::Return), board, sink),
-            // It has backed off and still stands on the switch: the slow way finds the point all the same.
-            Stage::BackOff(_) => self.begin_stage(next(Stage::Release), board, sink),
-            Stage::Return if detectors.lower => self.begin_stage(next(Stage::Release), board, sink),
-            Stage::Release if !detectors.lower => {
-                let found = next(Stage::Release);
-                if self.servo.is_some() {
-                    self.state = State::Zeroing(found, Settling::new(Position(0), board.now()));
-                } else {
-                    self.at_origin(found, board, sink);
-                }
-            }
-            Stage::LockIn if detectors.reference => {}
-            unfinished => {
-                let of_stage = search.of_stage + made;
-                self.begin_stage(Search { of_stage, ..next(unfinished) }, board, sink);
-            }
-        }
     }
 
     fn stop_at(&mut self, stop: Stop, at: Option<Tick>, board: &mut Board, sink: &mut impl Sink) {

@@ -8,6 +8,9 @@ use super::REACTION;
 /// Entries of the table: 0 ..= 232.
 pub(super) const ENTRIES: usize = SpeedIndex::TOP.get() as usize + 1;
 
+/// Steps per second by which a speed that is asked for may miss an entry.
+const GRACE: f64 = 0.5;
+
 /// The ramp of one axis: counts, differences and walks.
 #[derive(Debug)]
 pub struct Table {
@@ -67,12 +70,21 @@ impl Table {
         Tick::PER_SECOND as f64 / f64::from(self.period(index))
     }
 
+    /// The entry for a speed that somebody asks for; `None` if the ramp does not have it. Half a step per second of grace lets
+    /// people ask for the round figures of its ends.
+    #[must_use]
+    pub fn index_of(&self, steps_per_second: f64) -> Option<SpeedIndex> {
+        let (slowest, fastest) = (self.speed(SpeedIndex::START), self.speed(SpeedIndex::TOP));
+        let range = slowest - GRACE..=fastest + GRACE;
+        range.contains(&steps_per_second).then(|| self.index_at_most(steps_per_second))
+    }
+
     /// The fastest entry that is not faster than `steps_per_second`; the first one if all are.
     #[must_use]
     pub fn index_at_most(&self, steps_per_second: f64) -> SpeedIndex {
         (0..=SpeedIndex::TOP.get())
             .filter_map(SpeedIndex::new)
-            .take_while(|index| self.speed(*index) <= steps_per_second + 0.5)
+            .take_while(|index| self.speed(*index) <= steps_per_second + GRACE)
             .last()
             .unwrap_or(SpeedIndex::START)
     }

@@ -2,8 +2,10 @@
 //! help, usage errors and completions alike; what commands print is in `show`.
 
 mod ask;
+mod asked;
 mod config;
 mod exit;
+mod panel;
 mod profile;
 mod run;
 mod set;
@@ -97,17 +99,17 @@ Examples:
     #[command(after_help = "Examples:\n  ccu status\n  ccu status left_x --json\n  ccu status --watch")]
     Status(ask::StatusArgs),
     /// Show the digital inputs, or one of them
-    Input(ask::InputArgs),
+    Input(panel::InputArgs),
     /// Show the digital outputs, or switch one
     #[command(after_help = "Examples:\n  ccu output\n  ccu output left_gripper on\n  ccu output 3 off")]
-    Output(ask::OutputArgs),
+    Output(panel::OutputArgs),
     /// Put raw command bytes on the MICROBUS and show the answers
     #[command(after_help = "\
 Examples:
   ccu send 01 05                      status of axis 1
   ccu send 01 81 01 90                axis 1, 400 steps towards the origin
   ccu send 00 06                      halt everyone")]
-    Send(ask::SendArgs),
+    Send(panel::SendArgs),
     /// Give an axis the control words U and V of Fredriksen's interface, and read its sense word R
     #[command(after_help = "\
 U is the motion in steps. V, from the most significant bit: v1 towards the origin, v4 halt, v5 v6 v7
@@ -129,7 +131,7 @@ Examples:
   ccu inject left_x limit                  the end-of-rail input closes
   ccu inject left_x lost-steps=16          the next 16 pulses do not reach the motor
   ccu inject left_x switch=open            the limit switch never closes (closed, free)")]
-    Inject(ask::InjectArgs),
+    Inject(panel::InjectArgs),
     /// Show the frames of a log
     #[command(after_help = "Examples:\n  ccu frames run.mcap\n  ccu frames run.mcap --axis left_x --json")]
     Frames(FramesArgs),
@@ -210,11 +212,11 @@ impl Command {
             Self::Brake(args) => ask::brake(&args),
             Self::Clear(args) => ask::clear(&args),
             Self::Status(args) => ask::status(&args),
-            Self::Input(args) => ask::input(&args),
-            Self::Output(args) => ask::output(&args),
-            Self::Send(args) => ask::send(&args),
+            Self::Input(args) => panel::input(&args),
+            Self::Output(args) => panel::output(&args),
+            Self::Send(args) => panel::send(&args),
             Self::Word(args) => word::word(&args),
-            Self::Inject(args) => ask::inject(&args),
+            Self::Inject(args) => panel::inject(&args),
             Self::Frames(args) => frames(&args),
             Self::Profile(args) => profile::profile(&args),
             Self::Config(command) => config::config(&command),

@@ -82,12 +82,10 @@ pub(super) fn profile(args: &ProfileArgs) -> Result<(), Exit> {
 }
 
 fn index(table: &Table, speed: f64) -> Result<SpeedIndex, Exit> {
-    let (slowest, fastest) = (table.speed(SpeedIndex::START), table.speed(SpeedIndex::TOP));
-    if (slowest - 0.5..=fastest + 0.5).contains(&speed) {
-        Ok(table.index_at_most(speed))
-    } else {
-        Err(Exit::wrong(miette!("{speed} steps/s is outside the ramp, {slowest:.1} to {fastest:.1}")))
-    }
+    table.index_of(speed).ok_or_else(|| {
+        let (slowest, fastest) = (table.speed(SpeedIndex::START), table.speed(SpeedIndex::TOP));
+        Exit::wrong(miette!("{speed} steps/s is outside the ramp, {slowest:.1} to {fastest:.1}"))
+    })
 }
 
 fn print_table(table: &Table, json: bool, out: &mut dyn Write) -> io::Result<()> {

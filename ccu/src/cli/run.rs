@@ -16,7 +16,7 @@ use clap::Args;
 use miette::{IntoDiagnostic, WrapErr, miette};
 use supersigma_protocol::Ticks;
 
-use super::ask::Asked;
+use super::asked::Asked;
 use super::exit::Exit;
 use super::{SetArgs, StartArgs, config, set, show};
 use crate::control::{Client, DownReport};

@@ -10,7 +10,7 @@ use serde::Serialize;
 use supersigma_protocol::words::{ControlWord, Meaning, MotionWord, SenseWord, SpeedLevel, WordAddress};
 use supersigma_protocol::{AxisNumber, AxisReport, Direction};
 
-use super::ask::Asked;
+use super::asked::Asked;
 use super::exit::Exit;
 use super::{SetArgs, show};
 use crate::executive::{AxisState, Displacement, Failure, Knowledge, Operate, Request};

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use axis_worker::ramp::Table;
 use supersigma_config::{Config, RampError};
-use supersigma_protocol::{Address, Answer, AxisNumber, Broadcast, Fault, Sequence, Tick, Ticks};
+use supersigma_protocol::{Address, Answer, AxisNumber, Broadcast, Fault, Sequence, SpeedIndex, Tick, Ticks};
 
 use super::request::{Failure, Remainder};
 
@@ -37,6 +37,16 @@ impl Knowledge {
     /// If the set does not have the axis.
     pub fn table(&self, axis: AxisNumber) -> Result<&Table, Failure> {
         self.tables.get(&axis).ok_or(Failure::NoSuchAxis { axis })
+    }
+
+    /// The entry of the axis' ramp for a speed in steps per second.
+    ///
+    /// # Errors
+    /// If the ramp does not have the speed, or the set the axis.
+    pub fn speed(&self, axis: AxisNumber, asked: f64) -> Result<SpeedIndex, Failure> {
+        let table = self.table(axis)?;
+        let (slowest, fastest) = (table.speed(SpeedIndex::START), table.speed(SpeedIndex::TOP));
+        table.index_of(asked).ok_or(Failure::SpeedOutOfRange { axis, asked, slowest, fastest })
     }
 
     /// These axes, or all of the set if none is named.

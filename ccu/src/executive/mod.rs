@@ -128,7 +128,7 @@ impl<L: Link> Executive<L> {
         constant: bool,
         wait: bool,
     ) -> Result<Outcome, Failure> {
-        let limit = speed.map(|speed| self.speed(axis, speed)).transpose()?;
+        let limit = speed.map(|speed| self.link.knowledge().speed(axis, speed)).transpose()?;
         let Some((direction, distance)) = by.split()? else {
             self.link.knowledge().table(axis)?;
             return Ok(Outcome::Moved(vec![]));
@@ -407,18 +407,6 @@ impl<L: Link> Executive<L> {
     /// The next thing heard, first of what was kept.
     fn hear(&mut self, until: Tick) -> Result<Option<Heard>, Failure> {
         if self.heard.is_empty() { self.link.hear(until) } else { Ok(Some(self.heard.remove(0))) }
-    }
-
-    /// The entry of the axis' ramp for a speed in steps per second.
-    fn speed(&self, axis: AxisNumber, asked: f64) -> Result<SpeedIndex, Failure> {
-        let table = self.link.knowledge().table(axis)?;
-        let (slowest, fastest) = (table.speed(SpeedIndex::START), table.speed(SpeedIndex::TOP));
-        // Half a step per second of grace, so that the round figures of the ramp's ends can be asked for.
-        if (slowest - 0.5..=fastest + 0.5).contains(&asked) {
-            Ok(table.index_at_most(asked))
-        } else {
-            Err(Failure::SpeedOutOfRange { axis, asked, slowest, fastest })
-        }
     }
 }
 

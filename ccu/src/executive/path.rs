@@ -87,7 +87,7 @@ impl<L: Link> Executive<L> {
             let Some((&leader, &(_, distance))) = parts.iter().max_by_key(|(_, part)| part.1) else {
                 continue;
             };
-            let limit = leg.speed.map(|speed| self.speed(leader, speed)).transpose()?;
+            let limit = leg.speed.map(|speed| knowledge.speed(leader, speed)).transpose()?;
             let leg = PlanLeg { distance, limit: limit.unwrap_or(SpeedIndex::TOP), joint: SpeedIndex::START };
             planned.push(Planned { leg, limit, parts });
         }

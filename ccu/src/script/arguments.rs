@@ -2,6 +2,7 @@
 //! would be right.
 
 use rhai::Dynamic;
+use supersigma_config::choose;
 use supersigma_protocol::{AxisNumber, Tick, Ticks};
 
 use crate::executive::{Displacement, Knowledge};
@@ -167,22 +168,6 @@ pub(super) fn describe(value: &Dynamic) -> String {
     } else {
         // Whole numbers, true and false are best shown.
         value.to_string()
-    }
-}
-
-/// "did you mean", and the whole list.
-pub(super) fn choose<'a>(wrong: &str, right: impl Iterator<Item = &'a str> + Clone, list_is: &str) -> String {
-    let nearest = right
-        .clone()
-        .map(|candidate| (strsim::damerau_levenshtein(wrong, candidate), candidate))
-        .min()
-        // A third of the letters may be wrong, and one always.
-        .filter(|(distance, candidate)| *distance <= (candidate.chars().count() / 3).max(1));
-    let all: Vec<String> = right.map(|candidate| format!("`{candidate}`")).collect();
-    let all = if all.is_empty() { "none".to_owned() } else { all.join(", ") };
-    match nearest {
-        Some((_, nearest)) => format!("did you mean `{nearest}`? {list_is} {all}"),
-        None => format!("{list_is} {all}"),
     }
 }
 

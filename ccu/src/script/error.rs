@@ -6,10 +6,11 @@ use std::sync::Arc;
 
 use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode, SourceSpan};
 use rhai::{AST, EvalAltResult, ParseError, ParseErrorType, Position};
+use supersigma_config::choose;
 
 use crate::executive::Failure;
 
-use super::arguments::{choose, describe};
+use super::arguments::describe;
 use super::functions::SIGNATURES;
 use super::language;
 use super::trouble::Trouble;

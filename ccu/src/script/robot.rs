@@ -19,9 +19,6 @@ use super::{Watcher, lock};
 /// Machine time between two looks at an input that is waited for.
 const POLL: Ticks = Ticks::from_millis(10);
 
-/// Half a step per second of grace, so that the round figures of a ramp's ends can be asked for.
-const SPEED_GRACE: f64 = 0.5;
-
 /// The robot as one running program has it.
 pub(super) struct Robot {
     operator: Arc<Mutex<dyn Operate + Send>>,
@@ -306,12 +303,7 @@ impl Robot {
 
     /// A ceiling that no movement could have is told where it is set, not where it is first used.
     fn within_ramp(&self, axis: AxisNumber, asked: f64) -> Done {
-        let (slowest, fastest) = self.ramp_of(axis)?;
-        if (slowest - SPEED_GRACE..=fastest + SPEED_GRACE).contains(&asked) {
-            Ok(())
-        } else {
-            Err(self.trouble(Failure::SpeedOutOfRange { axis, asked, slowest, fastest }))
-        }
+        self.knowledge.speed(axis, asked).map(drop).map_err(|failure| self.trouble(failure))
     }
 
     /// A movement of several commands is not begun if the last of them will be refused.

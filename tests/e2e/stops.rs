@@ -1,0 +1,169 @@
+//! People who stop what is under way: Ctrl-C, a halt from a second terminal, a polite end of the daemon. Axes come to a
+//! stand by their ramp, positions are kept, logs are finished.
+
+use serde_json::{Value, json};
+use supersigma_tests::{Cell, Ran, Signal};
+
+const EXE: &str = env!("CARGO_BIN_EXE_ccu");
+
+/// Axis 1 away from the origin: long enough for everything that has to happen meanwhile, and fast enough for a ramp.
+const LONG: &str = "move left_x 60000 --speed 4000";
+const PROGRAM: &str =
+    "origin(\"left_x\");\nprint(\"ready\");\nmove_by(\"left_x\", 60000, 4000);\nprint(\"never\");\n";
+
+/// Axis 1 stands where it has counted, short of where it was to go, and nothing holds it.
+fn halted(axis: &Value) -> i64 {
+    let position = axis["position"].as_i64().expect("the position is kept");
+    assert!(0 < position && position < 60_000, "{axis}");
+    assert_eq!((&axis["steps"], &axis["alarm"]), (&json!(position), &Value::Null));
+    position
+}
+
+fn on_its_way(cell: &Cell) {
+    cell.until("left_x", "at its speed", |axis| axis["activity"] == "cruising");
+}
+
+fn stands(cell: &Cell) -> i64 {
+    halted(&cell.until("left_x", "stands", |axis| axis["activity"] == "standing"))
+}
+
+/// The last thing that axis 1 did, in a complete log: it came to a stand by the normal ramp.
+fn halted_in_the_log(frames: &[Value]) {
+    let of_axis: Vec<&Value> = frames.iter().filter(|frame| frame["axis"] == 1).collect();
+    assert!(of_axis.iter().any(|frame| frame["activity"] == "decelerating"), "it has not decelerated");
+    assert!(of_axis.iter().all(|frame| frame["activity"] != "braking"), "it has braked");
+    let last = of_axis.last().expect("frames of axis 1");
+    assert_eq!((&last["about"]["unasked"], &last["activity"]), (&json!("leaving"), &json!("standing")));
+    halted(last);
+}
+
+/// What `ccu run` says when it ends before its program does.
+fn interrupted(ran: &Ran) {
+    assert_eq!(ran.code(), Some(1), "{ran}");
+    assert!(ran.complaint().contains("interrupted"), "{ran}");
+    assert!(ran.stdout.contains("ready") && !ran.stdout.contains("never"), "{ran}");
+}
+
+#[test]
+fn ctrl_c_in_a_waiting_move_halts_the_axis() {
+    let cell = Cell::new(EXE);
+    let up = cell.up("2");
+    cell.ccu("origin left_x").done();
+    let waiting = cell.start(LONG);
+    on_its_way(&cell);
+    waiting.signal(Signal::INT);
+    let ran = waiting.end();
+    assert!(ran.signal() == Some(2) || ran.code() == Some(1) || ran.code() == Some(130), "{ran}");
+    let position = stands(&cell);
+    let back = cell.ccu(&format!("move left_x -{position} --json")).good().json().remove(0);
+    assert_eq!(back["position"], 0);
+    assert_eq!(cell.down(), None);
+    assert!(
+        cell.frames(&up.log).iter().any(|frame| frame["operation"] == "Halt" && frame["name"] == "left_x")
+    );
+}
+
+#[test]
+fn a_killed_client_halts_the_axis_too() {
+    let cell = Cell::new(EXE);
+    let _up = cell.up("2");
+    cell.ccu("origin left_x").done();
+    let waiting = cell.start(LONG);
+    on_its_way(&cell);
+    waiting.signal(Signal::KILL);
+    assert_eq!(waiting.end().signal(), Some(9));
+    stands(&cell);
+    assert_eq!(cell.down(), None);
+}
+
+#[test]
+fn a_halt_from_a_second_terminal_ends_a_waiting_move() {
+    let cell = Cell::new(EXE);
+    let _up = cell.up("2");
+    cell.ccu("origin left_x left_y").done();
+    let waiting = cell.start(LONG);
+    on_its_way(&cell);
+    cell.ccu("halt left_x").done();
+    let ran = waiting.end();
+    let position = stands(&cell);
+    ran.fails(1, &[&format!("axis 1 was stopped after {position} steps, at {position}")]);
+    // A brake, on a line: both stop, and stay on it.
+    let waiting = cell.start("line left_x=30000 left_y=15000 --speed 4000");
+    on_its_way(&cell);
+    cell.ccu("brake").done();
+    waiting.end().fails(1, &["is in alarm: braked on command", "`ccu clear`; its position is kept"]);
+    let made = ["left_x", "left_y"].map(|axis| {
+        let axis = cell.until(axis, "stands", |axis| axis["activity"] == "standing");
+        axis["steps"].as_i64().expect("steps")
+    });
+    assert!(0 < made[0] && made[0] < 30_000, "{made:?}");
+    let said = cell.down().expect("alarms are worth a word");
+    assert!(said.contains("braked on command"), "{said}");
+}
+
+#[test]
+fn ctrl_c_in_a_program_on_its_own_set_takes_everything_down() {
+    let cell = Cell::new(EXE);
+    let program = cell.file("program.rhai", PROGRAM);
+    let log = cell.path("run.mcap");
+    let options = format!("--time-scale 2 --config {} --log {}", cell.config().display(), log.display());
+    let mut running = cell.start(&format!("run {options} {}", program.display()));
+    running.says("ready");
+    on_its_way(&cell);
+    running.signal(Signal::INT);
+    let ran = running.end();
+    interrupted(&ran);
+    cell.assert_nothing_left();
+    let frames = cell.frames(&log);
+    assert!(ran.stderr.contains(&format!("frames: {0} sent, {0} logged", frames.len())), "{ran}");
+    halted_in_the_log(&frames);
+}
+
+#[test]
+fn ctrl_c_in_a_program_on_a_set_that_is_up_leaves_the_set_up() {
+    let cell = Cell::new(EXE);
+    let up = cell.up("2");
+    let program = cell.file("program.rhai", PROGRAM);
+    let mut running = cell.start(&format!("run {}", program.display()));
+    running.says("ready");
+    on_its_way(&cell);
+    running.signal(Signal::INT);
+    interrupted(&running.end());
+    stands(&cell);
+    assert_eq!(cell.down(), None);
+    halted_in_the_log(&cell.frames(&up.log));
+}
+
+#[test]
+fn a_set_is_taken_down_under_a_program() {
+    let cell = Cell::new(EXE);
+    let up = cell.up("2");
+    let endless = cell.file("program.rhai", "print(\"ready\"); wait(86400.0); print(\"never\");");
+    let mut running = cell.start(&format!("run {}", endless.display()));
+    running.says("ready");
+    assert_eq!(cell.down(), None);
+    running.end().fails(3, &["going down"]);
+    assert!(cell.frames(&up.log).iter().any(|frame| frame["about"]["unasked"] == "leaving"));
+}
+
+#[test]
+fn a_polite_end_of_the_daemon_is_a_way_down() {
+    for signal in [Signal::TERM, Signal::INT, Signal::HUP] {
+        let cell = Cell::new(EXE);
+        let log = cell.path("up.mcap");
+        let options = format!("--time-scale 2 --config {} --log {}", cell.config().display(), log.display());
+        let mut daemon = cell.start(&format!("up {options}"));
+        daemon.says("Ctrl-C, or `ccu down --name cell`, takes it down");
+        cell.ccu("origin left_x").done();
+        let waiting = cell.start(LONG);
+        on_its_way(&cell);
+        daemon.signal(signal);
+        waiting.end().fails(3, &["the set is going down"]);
+        let ran = daemon.end().good();
+        cell.assert_nothing_left();
+        let frames = cell.frames(&log);
+        assert!(ran.stdout.starts_with("set cell is up: 8 cards; log "), "{ran}");
+        assert!(ran.stdout.contains(&format!("frames: {0} sent, {0} logged", frames.len())), "{ran}");
+        halted_in_the_log(&frames);
+    }
+}
