@@ -77,7 +77,12 @@ impl Firmware {
                     self.at_origin(found, board, sink);
                 }
             }
-            Stage::LockIn if detectors.reference => {}
+            Stage::LockIn if detectors.reference => {
+                // Open loop while searching, closed when locking in.
+                if let (Some(_), Some(target)) = (&self.servo, self.base) {
+                    self.state = State::Settling(Settling::new(target, board.now()));
+                }
+            }
             unfinished => {
                 let of_stage = search.of_stage + made;
                 self.begin_stage(Search { of_stage, ..next(unfinished) }, board, sink);

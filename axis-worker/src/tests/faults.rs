@@ -172,6 +172,15 @@ fn x5_is_off_while_a_measured_shaft_moves() {
 }
 
 #[test]
+fn the_reference_step_is_locked_in_closed_loop() {
+    let mut rig = rig(closed(64));
+    rig.command(Operation::SeekReference).expect("nothing forbids it");
+    let report = rig.settle();
+    assert_eq!((report.position, report.alarm), (Some(Position(199)), None));
+    assert_eq!(report.sense.to_string(), "00111");
+}
+
+#[test]
 fn the_origin_is_found_to_the_step_a_thousand_times() {
     let mut rig = rig(|_| {}).originated();
     // A linear congruential generator is random enough to come from everywhere.

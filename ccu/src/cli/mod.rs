@@ -129,7 +129,7 @@ Examples:
 Examples:
   ccu inject left_x force                  the excessive-force input closes
   ccu inject left_x limit                  the end-of-rail input closes
-  ccu inject left_x lost-steps=16          the next 16 pulses do not reach the motor
+  ccu inject left_x lost-steps=40          the next 40 pulses do not reach the motor
   ccu inject left_x switch=open            the limit switch never closes (closed, free)")]
     Inject(panel::InjectArgs),
     /// Show the frames of a log

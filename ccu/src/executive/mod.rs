@@ -244,7 +244,7 @@ impl<L: Link> Executive<L> {
                 return Ok(Outcome::Moved(over.into_iter().flatten().collect()));
             };
             // Up to the due time its end is told; from then on the sense points are looked at, more and more often.
-            let look = if self.link.now() < next.due { next.due } else { self.link.now() + margin_part };
+            let look = self.link.now().max(next.due) + margin_part;
             let Some(heard) = self.hear(look.min(deadline))? else {
                 // It may have ended and the news got lost: ask.
                 let answer = self.command(next.axis, Operation::Status)?;

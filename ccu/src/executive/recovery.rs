@@ -41,7 +41,7 @@ impl<L: Link> Executive<L> {
                 Err(failure) => reason = failure,
             }
         }
-        let tried = format!("{}, {}", Recovery::TriedAgain, Recovery::SoughtReference);
+        let tried = format!("{}, and {}", Recovery::TriedAgain, Recovery::SoughtReference);
         Err(Failure::GaveUp { axis, reason: reason.to_string(), tried })
     }
 

@@ -314,7 +314,7 @@ pub enum Failure {
         done: Steps,
     },
     /// Nothing that the executive tried has helped.
-    #[error("{axis} does not get there: {reason}; tried: {tried}")]
+    #[error("{axis} does not get there: {reason}; the executive {tried}")]
     #[diagnostic(help(
         "look at the axis; nothing moves it until it is cleared (`ccu clear`) and originated (`ccu origin`)"
     ))]

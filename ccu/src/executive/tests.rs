@@ -78,7 +78,7 @@ fn when_nothing_helps_it_says_what_was_tried() {
     let text = failure.to_string();
     assert!(matches!(failure, Failure::GaveUp { .. }), "{text}");
     assert!(text.contains("the limit switch did not close"), "{text}");
-    assert!(text.contains("tried: tried again, sought the reference step"), "{text}");
+    assert!(text.contains("the executive tried again, and sought the reference step"), "{text}");
 }
 
 #[test]
