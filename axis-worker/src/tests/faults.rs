@@ -196,6 +196,67 @@ fn the_origin_is_found_to_the_step_a_thousand_times() {
     }
 }
 
+#[test]
+fn the_state_of_an_axis_fits_in_a_kilobyte() {
+    let table = size_of::<crate::ramp::Table>();
+    let axis = size_of::<crate::Axis>();
+    assert!(axis - table <= 1_024, "{} bytes besides the ramp's table of {table}", axis - table);
+}
+
+/// What may come between.
+#[derive(Debug, Clone, Copy)]
+enum Interruption {
+    Command(Operation),
+    Fault(Fault),
+}
+
+fn any_interruption() -> impl Strategy<Value = Interruption> {
+    prop_oneof![
+        Just(Interruption::Command(Operation::Halt)),
+        Just(Interruption::Command(Operation::Brake)),
+        Just(Interruption::Command(Operation::Status)),
+        Just(Interruption::Fault(Fault::Force)),
+        Just(Interruption::Fault(Fault::Limit(End::Lower))),
+        Just(Interruption::Fault(Fault::Limit(End::Upper))),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// Reported steps are the pulses that were sent and, with an encoder, what it counted; the travel is left by no more
+    /// than the way in which an axis brakes; and it always ends standing.
+    #[test]
+    fn whatever_comes_between_every_step_is_accounted_for(
+        moves in prop::collection::vec((any::<bool>(), 1_u16..=30_000, 0_u8..=232, 0_u64..2_000_000, any_interruption()), 1..6),
+        encoder: bool,
+    ) {
+        let mut rig = if encoder { rig(closed(64)) } else { rig(|_| {}) }.originated();
+        for (forward, length, limit, after, interruption) in moves {
+            let direction = if forward { Direction::Forward } else { Direction::TowardsOrigin };
+            let limit = supersigma_protocol::SpeedIndex::new(limit).expect("in range");
+            rig.record = super::Record::default();
+            let before = rig.carriage();
+            if rig.command(Operation::MoveLimited { direction, distance: super::distance(length), limit }).is_err() {
+                continue;
+            }
+            rig.wait(after);
+            match interruption {
+                Interruption::Command(operation) => rig.command(operation).expect("always"),
+                Interruption::Fault(fault) => rig.fail(fault),
+            }
+            let report = rig.settle();
+            prop_assert_eq!(report.activity, Activity::Standing);
+            prop_assert_eq!(report.steps.0 as usize, rig.record.pulses.len());
+            prop_assert_eq!(rig.carriage().abs_diff(before), report.steps.0);
+            let position = report.position.expect("originated").0;
+            prop_assert_eq!(i64::from(position) + 1_001, i64::from(rig.carriage()));
+            prop_assert!((-900..=66_900).contains(&position));
+            rig.command(Operation::Clear).expect("standing");
+        }
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
 

@@ -139,7 +139,10 @@ pub trait Link {
 /// What the executives of one set have in common: which axes are on a line together, what is left of halted movements, and
 /// how many programs wait for it to go on.
 #[derive(Debug, Default)]
-pub struct Common(Mutex<Shared>);
+pub struct Common {
+    shared: Mutex<Shared>,
+    starting: Mutex<()>,
+}
 
 #[derive(Debug, Default)]
 struct Shared {
@@ -149,6 +152,11 @@ struct Shared {
 }
 
 impl Common {
+    /// Held from the first arming of a line to its start.
+    pub fn starting(&self) -> MutexGuard<'_, ()> {
+        self.starting.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     /// These axes begin to move together, or one alone; whatever line one of them was on is over.
     pub fn begin(&self, axes: &[AxisNumber]) {
         let mut shared = self.shared();
@@ -195,7 +203,7 @@ impl Common {
 
     fn shared(&self) -> MutexGuard<'_, Shared> {
         // Every statement leaves it whole.
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.shared.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

@@ -247,11 +247,16 @@ impl<L: Link> Executive<L> {
             let look = self.link.now().max(next.due) + margin_part;
             let Some(heard) = self.hear(look.min(deadline))? else {
                 // It may have ended and the news got lost: ask.
-                let answer = self.command(next.axis, Operation::Status)?;
+                let overdue = self.link.now() >= deadline;
+                let answer = match self.command(next.axis, Operation::Status) {
+                    Ok(answer) => answer,
+                    Err(Failure::NoAnswer { .. }) if !overdue => continue,
+                    Err(failure) => return Err(failure),
+                };
                 if let Report::Axis(report) = answer.report
                     && report.activity != Activity::Standing
                 {
-                    if self.link.now() < deadline {
+                    if !overdue {
                         continue;
                     }
                     let failure =

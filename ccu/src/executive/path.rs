@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use axis_worker::ramp::{Leg as PlanLeg, Plan, Table};
 use supersigma_protocol::{
-    AxisNumber, Broadcast, Command, Direction, Distance, Operation, SpeedIndex, Tick, Ticks,
+    Address, AxisNumber, Broadcast, Command, Direction, Distance, Operation, SpeedIndex, Tick, Ticks,
 };
 
 use super::link::Link;
@@ -40,6 +40,9 @@ impl<L: Link> Executive<L> {
             [Planned { leg, .. }] => Plan::ramped(table, leg.distance, leg.limit).duration(),
             _ => Plan::path(table, &planned.iter().map(|one| one.leg).collect::<Vec<_>>()).duration(),
         };
+        let common = self.link.common();
+        // The start is said to everyone, so only one line may be armed at a time.
+        let starting = common.starting();
         let mut armed = Vec::with_capacity(axes.len());
         for axis in &axes {
             let since = match self.arm(*axis, &planned) {
@@ -62,8 +65,9 @@ impl<L: Link> Executive<L> {
                 due: since,
             });
         }
-        self.link.common().begin(&axes);
+        common.begin(&axes);
         let start = self.start_together(&armed)?;
+        drop(starting);
         for underway in &mut armed {
             (underway.start, underway.due) = (start, start + Ticks(duration));
         }
@@ -144,16 +148,17 @@ impl<L: Link> Executive<L> {
         let lead = Duration::from_millis(self.link.knowledge().config.line.lead_ms.into());
         let now = self.link.now();
         let (start, confirmed_by) = (now + self.link.ticks(lead), now + self.link.ticks(lead / 2));
-        let mut pending = Vec::with_capacity(armed.len());
-        for underway in armed {
-            let go = Command::new(underway.axis.address(), Operation::Go);
-            let sequence = self.link.send(Broadcast { at: Some(start), ..go.into() })?;
-            pending.push((underway.axis, sequence));
-        }
-        for (axis, sequence) in pending {
+        // One frame for all: if this process is held up, it comes too late for every card, and not for some.
+        let go = Command::new(Address::EVERYONE, Operation::Go);
+        let sequence = self.link.send(Broadcast { at: Some(start), ..go.into() })?;
+        let mut pending: Vec<AxisNumber> = armed.iter().map(|underway| underway.axis).collect();
+        while let Some(first) = pending.first().copied() {
             let confirmed = match self.answer_to(sequence, confirmed_by)? {
-                Some(answer) => refused(axis, &answer),
-                None => Err(Failure::NotConfirmed { axis }),
+                Some(answer) => {
+                    let axis = pending.iter().position(|axis| axis.address() == answer.card);
+                    axis.map_or(Ok(()), |index| refused(pending.swap_remove(index), &answer))
+                }
+                None => Err(Failure::NotConfirmed { axis: first }),
             };
             if let Err(failure) = confirmed {
                 self.halt(armed)?;

@@ -1,9 +1,17 @@
 //! The executive over a dry set: real cards, real frames, faults on purpose, and no time to wait for.
 
-use supersigma_config::{Config, Feedback, MotorConfig};
-use supersigma_protocol::{Alarm, AxisNumber, Fault, Position, Steps, Switch};
+use std::sync::Arc;
+use std::time::Duration;
 
-use super::{Displacement, Executive, Failure, Knowledge, Movement, Operate, Outcome, Recovery, Request};
+use supersigma_config::{Config, Feedback, MotorConfig};
+use supersigma_protocol::{
+    Activity, Alarm, AxisNumber, Broadcast, Fault, Position, Refusal, Sequence, Steps, Switch, Tick, Ticks,
+};
+
+use super::{
+    Common, Displacement, Executive, Failure, Heard, Knowledge, Link, Movement, Operate, Outcome, Recovery,
+    Request,
+};
 use crate::dry::{DrySet, NoPulses};
 
 fn axis(number: u8) -> AxisNumber {
@@ -100,4 +108,56 @@ fn axes_with_different_ramps_do_not_go_on_a_line() {
         executive.operate(Request::Line { parts, speed: None, wait: true }).expect_err("they differ");
     assert_eq!(failure, Failure::DifferentRamps { one: axis(1), other: axis(2) });
     assert_eq!(failure.exit_code(), 2);
+}
+
+/// A link that holds the start of a line back until its start tick has passed.
+struct HeldUp(DrySet<NoPulses>);
+
+impl Link for HeldUp {
+    fn knowledge(&self) -> &Arc<Knowledge> {
+        self.0.knowledge()
+    }
+    fn now(&self) -> Tick {
+        self.0.now()
+    }
+    fn ticks(&self, real: Duration) -> Ticks {
+        self.0.ticks(real)
+    }
+    fn send(&mut self, broadcast: Broadcast) -> Result<Sequence, Failure> {
+        if let Some(start) = broadcast.at {
+            while self.0.hear(start + Ticks(7))?.is_some() {}
+        }
+        self.0.send(broadcast)
+    }
+    fn inject(&mut self, axis: AxisNumber, fault: Fault) -> Result<Sequence, Failure> {
+        self.0.inject(axis, fault)
+    }
+    fn hear(&mut self, until: Tick) -> Result<Option<Heard>, Failure> {
+        self.0.hear(until)
+    }
+    fn common(&self) -> Arc<Common> {
+        self.0.common()
+    }
+    fn tell_resume(&self) {
+        self.0.tell_resume();
+    }
+}
+
+#[test]
+fn a_line_whose_start_comes_too_late_moves_nobody() {
+    let knowledge = Knowledge::new(Config::default_set()).expect("good ramps");
+    let set = DrySet::new(knowledge, NoPulses, None).expect("a good set");
+    let mut executive = Executive::new(HeldUp(set));
+    executive.operate(Request::Originate { axes: vec![axis(1), axis(2)] }).expect("nothing forbids it");
+    let parts = vec![(axis(1), Displacement(500)), (axis(2), Displacement(300))];
+    let failure = executive.operate(Request::Line { parts, speed: None, wait: true }).expect_err("late");
+    assert!(matches!(failure, Failure::Refused { refusal: Refusal::Late { by: Ticks(7) }, .. }), "{failure}");
+    let Ok(Outcome::Axes(states)) = executive.operate(Request::Status { axes: vec![axis(1), axis(2)] })
+    else {
+        panic!("the cards answer");
+    };
+    for state in states {
+        let report = state.report.expect("alive");
+        assert_eq!((report.activity, report.position), (Activity::Standing, Some(Position(0))));
+    }
 }
