@@ -105,7 +105,8 @@ fn a_halt_from_a_second_terminal_ends_a_waiting_move() {
 fn a_halted_program_waits_to_be_resumed() {
     let cell = Cell::new(EXE);
     let _up = cell.up("3");
-    let text = "origin(\"left_x\");\nprint(\"ready\");\nmove_by(\"left_x\", 20000, 4000);\nprint(\"over\");\n";
+    let text =
+        "origin(\"left_x\");\nprint(\"ready\");\nmove_by(\"left_x\", 20000, 4000);\nprint(\"over\");\n";
     let program = cell.file("program.rhai", text);
     let mut running = cell.start(&format!("run --json {}", program.display()));
     running.says("ready");
