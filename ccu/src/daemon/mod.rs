@@ -145,9 +145,11 @@ impl Daemon {
         let births = Births { home: &home, clock, exchange: &exchange, leaving: &leaving };
         let processes = births.recorder(wall_epoch, &log, script.is_some()).and_then(|recorder| {
             let workers = births.workers(&knowledge)?;
-            Ok((recorder, workers))
+            let listener = server::bind(&home.socket())
+                .map_err(|source| StartError::Io { what: "make the control socket", source })?;
+            Ok((recorder, workers, listener))
         });
-        let (recorder, workers) = match processes {
+        let (recorder, workers, listener) = match processes {
             Ok(processes) => processes,
             Err(error) => {
                 leaving.store(true, Ordering::Release);
@@ -158,8 +160,6 @@ impl Daemon {
                 return Err(error);
             }
         };
-        let listener = server::bind(&home.socket())
-            .map_err(|source| StartError::Io { what: "make the control socket", source })?;
         let desk = Arc::new(Desk {
             describe: Box::new(describer(&home, &exchange, scale, &log)),
             exchange: Arc::clone(&exchange),

@@ -356,7 +356,7 @@ impl<L: Link> Executive<L> {
         let mut answers = Vec::with_capacity(concerned);
         let deadline = self.link.now() + self.link.ticks(self.patience());
         while answers.len() < concerned {
-            let Some(answer) = self.answer_to(sequence, deadline)? else { break };
+            let Some(answer) = self.answer_to(sequence, &[], deadline)? else { break };
             let result = match answer.about {
                 About::Command(_, result) => result,
                 About::Unasked(_) => Ok(()),
@@ -380,7 +380,7 @@ impl<L: Link> Executive<L> {
 
     fn answer(&mut self, card: Address, sequence: Sequence) -> Result<Answer, Failure> {
         let deadline = self.link.now() + self.link.ticks(self.patience());
-        self.answer_to(sequence, deadline)?.ok_or_else(|| self.no_answer(card))
+        self.answer_to(sequence, &[card], deadline)?.ok_or_else(|| self.no_answer(card))
     }
 
     fn patience(&self) -> Duration {
@@ -392,7 +392,13 @@ impl<L: Link> Executive<L> {
     }
 
     /// The next answer to the command with this number. Whatever else is heard is kept for later.
-    fn answer_to(&mut self, sequence: Sequence, until: Tick) -> Result<Option<Answer>, Failure> {
+    /// If one of `from` dies meanwhile, there will be none.
+    fn answer_to(
+        &mut self,
+        sequence: Sequence,
+        from: &[Address],
+        until: Tick,
+    ) -> Result<Option<Answer>, Failure> {
         let wanted = |heard: &Heard| matches!(heard, Heard::Answer(answer) if matches!(answer.about, About::Command(to, _) if to == sequence));
         if let Some(index) = self.heard.iter().position(wanted)
             && let Heard::Answer(answer) = self.heard.remove(index)
@@ -403,6 +409,7 @@ impl<L: Link> Executive<L> {
             match heard {
                 Heard::Answer(answer) if wanted(&heard) => return Ok(Some(answer)),
                 Heard::GoingDown => return Err(Failure::GoingDown),
+                Heard::WorkerGone(card) if from.contains(&card) => return Err(Failure::WorkerGone { card }),
                 other => self.heard.push(other),
             }
         }

@@ -153,7 +153,8 @@ impl<L: Link> Executive<L> {
         let sequence = self.link.send(Broadcast { at: Some(start), ..go.into() })?;
         let mut pending: Vec<AxisNumber> = armed.iter().map(|underway| underway.axis).collect();
         while let Some(first) = pending.first().copied() {
-            let confirmed = match self.answer_to(sequence, confirmed_by)? {
+            let from: Vec<Address> = pending.iter().map(|axis| axis.address()).collect();
+            let confirmed = match self.answer_to(sequence, &from, confirmed_by)? {
                 Some(answer) => {
                     let axis = pending.iter().position(|axis| axis.address() == answer.card);
                     axis.map_or(Ok(()), |index| refused(pending.swap_remove(index), &answer))

@@ -95,7 +95,7 @@ impl SharedBus {
         Self::enter(&place.config()?, Entry::Open)
     }
 
-    /// Returns the files and slots of killed processes. Joining does it too; the CCU does it when a worker has died.
+    /// Returns the files and slots of killed processes. Joining does it too.
     pub fn clean_dead(&self) {
         let state = self.node.blocking_cleanup_dead_nodes(CLEANING);
         if state.failed_cleanups > 0 {
