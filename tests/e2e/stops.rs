@@ -102,6 +102,29 @@ fn a_halt_from_a_second_terminal_ends_a_waiting_move() {
 }
 
 #[test]
+fn what_is_left_of_a_halted_movement_is_made_when_somebody_resumes_it() {
+    let cell = Cell::new(EXE);
+    let _up = cell.up("2");
+    cell.ccu("origin left_x left_y").done();
+    cell.ccu("resume").fails(1, &["nothing was halted"]);
+    for (line, left_y) in
+        [("move left_x 20000 --speed 4000 --no-wait", 0), ("line left_x=-20000 left_y=3001 --no-wait", 3_001)]
+    {
+        assert_eq!(cell.ccu(line).good().stdout, "started\n");
+        on_its_way(&cell);
+        // Whoever halts one axis of a line halts the line.
+        cell.ccu("halt left_x").done();
+        let halted = cell.axis("left_x")["position"].as_i64().expect("it is kept");
+        assert!((1..20_000).contains(&halted), "{halted}");
+        cell.ccu("resume").done();
+        assert_eq!(cell.axis("left_y")["position"], left_y);
+    }
+    assert_eq!(cell.axis("left_x")["position"], 0);
+    cell.ccu("resume").fails(1, &["nothing was halted"]);
+    assert_eq!(cell.down(), None);
+}
+
+#[test]
 fn a_halted_program_waits_to_be_resumed() {
     let cell = Cell::new(EXE);
     let _up = cell.up("3");

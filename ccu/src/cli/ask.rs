@@ -4,15 +4,15 @@ use std::io::{self, BufWriter, Write};
 use std::thread;
 use std::time::Duration;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use miette::miette;
-use supersigma_protocol::AxisNumber;
+use supersigma_protocol::{AxisNumber, Distance, Refusal};
 
 use super::asked::Asked;
 use super::exit::Exit;
 use super::{SetArgs, show};
 use crate::control::Description;
-use crate::executive::{Displacement, Operate, Outcome, Request};
+use crate::executive::{Displacement, Failure, Operate, Outcome, Request};
 
 /// How often `status --watch` looks.
 const WATCH: Duration = Duration::from_millis(250);
@@ -58,6 +58,28 @@ pub(super) struct LineArgs {
     speed: Option<f64>,
     #[command(flatten)]
     how: HowArgs,
+}
+
+#[derive(Args)]
+pub(super) struct JogArgs {
+    #[command(flatten)]
+    set: SetArgs,
+    /// The axis, by number or name
+    axis: String,
+    /// Away from the origin, or towards it
+    direction: Way,
+    /// The ceiling in steps/s
+    #[arg(long, value_name = "V")]
+    speed: Option<f64>,
+    /// One JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Way {
+    Forward,
+    Back,
 }
 
 #[derive(Args)]
@@ -120,6 +142,22 @@ pub(super) fn movement(args: &MoveArgs) -> Result<(), Exit> {
     let request =
         Request::Move { axis, by, speed: args.speed, constant: args.constant, wait: !args.how.no_wait };
     asked.moved(request, args.how.json)
+}
+
+/// The daemon halts what it moves for a client that is gone, so Ctrl-C ends a jog in order.
+pub(super) fn jog(args: &JogArgs) -> Result<(), Exit> {
+    let mut asked = Asked::connect(&args.set)?;
+    let axis = asked.axis(&args.axis)?;
+    let states = asked.axis_states(Request::Status { axes: vec![axis] })?;
+    let position = states.first().and_then(|state| state.report?.position);
+    let travel = asked.config.axis(axis).map(|axis| axis.travel.clone());
+    let (Some(position), Some(travel)) = (position, travel) else {
+        return Err(Failure::Refused { axis, refusal: Refusal::NotOriginated }.into());
+    };
+    let end = if args.direction == Way::Forward { travel.max } else { travel.min };
+    let longest = i64::from(Distance::MAX.get());
+    let by = Displacement(i64::from(end.deviation_from(position).0).clamp(-longest, longest));
+    asked.moved(Request::Move { axis, by, speed: args.speed, constant: false, wait: true }, args.json)
 }
 
 pub(super) fn line(args: &LineArgs) -> Result<(), Exit> {

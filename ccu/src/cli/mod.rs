@@ -82,6 +82,9 @@ Examples:
   ccu line left_x=7919 left_y=13
   ccu line 1=400 2=300 3=-100 --speed 5000")]
     Line(ask::LineArgs),
+    /// Move one axis until Ctrl-C, or to the end of its travel
+    #[command(after_help = "Examples:\n  ccu jog left_x forward\n  ccu jog left_x back --speed 1000")]
+    Jog(ask::JogArgs),
     /// Find the origin of axes: back to the limit switch, forward until it opens
     #[command(after_help = "Examples:\n  ccu origin\n  ccu origin left_x left_y")]
     Origin(ask::OriginArgs),
@@ -205,6 +208,7 @@ impl Command {
             Self::Run(args) => run::run(&args),
             Self::Move(args) => ask::movement(&args),
             Self::Line(args) => ask::line(&args),
+            Self::Jog(args) => ask::jog(&args),
             Self::Origin(args) => ask::origin(&args),
             Self::Reference(args) => ask::reference(&args),
             Self::Halt(args) => ask::halt(&args),

@@ -23,7 +23,7 @@ impl<L: Link> Executive<L> {
     /// # Errors
     /// As [`Operate::operate`]; a halt alone is none.
     pub fn operate_or_wait(&mut self, request: Request) -> Result<Outcome, Failure> {
-        let asked = moving(&request);
+        let asked = request.moving();
         let axes: Vec<_> = asked.keys().copied().collect();
         let mut made: BTreeMap<AxisNumber, Steps> = BTreeMap::new();
         let mut result = self.operate(request);
@@ -90,32 +90,40 @@ impl<L: Link> Executive<L> {
             let report = if gone.contains(&axis) { None } else { Some(self.stand(axis)?) };
             states.push(AxisState { axis, report });
         }
+        let stopped: Vec<_> =
+            states.iter().filter(|state| state.report.is_some()).map(|state| state.axis).collect();
+        for request in common.take_unwatched(&stopped) {
+            self.leave_rest(&request)?;
+        }
         Ok(Outcome::Axes(states))
     }
 
     /// Keeps what is left of a movement that has been halted.
     pub(super) fn leave_rest(&mut self, request: &Request) -> Result<(), Failure> {
         let (mut from, mut done) = (Vec::new(), BTreeMap::new());
-        for axis in moving(request).into_keys() {
+        for axis in request.moving().into_keys() {
             let report = self.stand(axis)?;
             from.push((axis, report.position));
             done.insert(axis, report.steps);
         }
         let legs = |legs: &[Leg]| remaining(legs, done.clone());
         let request = match request {
-            Request::Move { axis, by, speed, constant, wait } => {
+            Request::Move { axis, by, speed, constant, .. } => {
                 let parts = vec![(*axis, *by)];
                 let by = legs(&[Leg { parts, speed: *speed }])
                     .first()
                     .map_or(Displacement(0), |leg| leg.parts[0].1);
-                Request::Move { axis: *axis, by, speed: *speed, constant: *constant, wait: *wait }
+                Request::Move { axis: *axis, by, speed: *speed, constant: *constant, wait: true }
             }
-            Request::Line { parts, speed, wait } => {
+            Request::Line { parts, speed, .. } => {
                 let whole = Leg { parts: parts.clone(), speed: *speed };
                 let Some(Leg { parts, speed }) = legs(&[whole]).pop() else { return Ok(()) };
-                Request::Line { parts, speed, wait: *wait }
+                Request::Line { parts, speed, wait: true }
             }
-            Request::Path { legs: all, wait } => Request::Path { legs: legs(all), wait: *wait },
+            Request::Path { legs: all, .. } => match legs(all) {
+                nothing if nothing.is_empty() => return Ok(()),
+                rest => Request::Path { legs: rest, wait: true },
+            },
             _ => return Ok(()),
         };
         self.link.common().leave(Remainder { request, from });
@@ -161,24 +169,6 @@ impl<L: Link> Executive<L> {
         }
         Ok(())
     }
-}
-
-/// The axes that a request moves, and how far in all, if its rest can be made later. A search has no rest: it is begun
-/// anew.
-fn moving(request: &Request) -> BTreeMap<AxisNumber, Displacement> {
-    let mut axes = BTreeMap::new();
-    let mut add = |parts: &[(AxisNumber, Displacement)]| {
-        for (axis, by) in parts.iter().filter(|(_, by)| by.0 != 0) {
-            axes.entry(*axis).or_insert(Displacement(0)).0 += by.0;
-        }
-    };
-    match request {
-        Request::Move { axis, by, .. } => add(&[(*axis, *by)]),
-        Request::Line { parts, .. } => add(parts),
-        Request::Path { legs, .. } => legs.iter().for_each(|leg| add(&leg.parts)),
-        _ => {}
-    }
-    axes
 }
 
 /// What an answer says of an axis, if it is this one and stands.

@@ -8,7 +8,7 @@ use axis_worker::ramp::Table;
 use supersigma_config::{Config, RampError};
 use supersigma_protocol::{Address, Answer, AxisNumber, Broadcast, Fault, Sequence, SpeedIndex, Tick, Ticks};
 
-use super::request::{Failure, Remainder};
+use super::request::{Failure, Remainder, Request};
 
 /// A set's configuration and the ramps that follow from it.
 #[derive(Debug)]
@@ -148,6 +148,8 @@ pub struct Common {
 struct Shared {
     lines: Vec<Vec<AxisNumber>>,
     remainders: Vec<Remainder>,
+    /// Movements that nobody waits for.
+    unwatched: Vec<Request>,
     paused: usize,
 }
 
@@ -161,6 +163,7 @@ impl Common {
     pub fn begin(&self, axes: &[AxisNumber]) {
         let mut shared = self.shared();
         shared.lines.retain(|line| !line.iter().any(|axis| axes.contains(axis)));
+        shared.unwatched.retain(|request| !request.moving().keys().any(|axis| axes.contains(axis)));
         if axes.len() > 1 {
             shared.lines.push(axes.to_vec());
         }
@@ -170,6 +173,18 @@ impl Common {
     pub fn line_of(&self, axis: AxisNumber) -> Vec<AxisNumber> {
         let shared = self.shared();
         shared.lines.iter().find(|line| line.contains(&axis)).cloned().unwrap_or_else(|| vec![axis])
+    }
+
+    /// Keeps a movement that nobody waits for, so that its rest is known if it is halted.
+    pub fn leave_unwatched(&self, request: Request) {
+        self.shared().unwatched.push(request);
+    }
+
+    /// Takes the movements of `axes` that nobody waits for.
+    pub fn take_unwatched(&self, axes: &[AxisNumber]) -> Vec<Request> {
+        let mut shared = self.shared();
+        let concerned = |request: &mut Request| request.moving().keys().any(|axis| axes.contains(axis));
+        shared.unwatched.extract_if(.., concerned).collect()
     }
 
     /// Keeps what is left of a movement; it replaces what was left of earlier ones of these axes.

@@ -62,8 +62,10 @@ impl<L: Link> Operate for Executive<L> {
     fn operate(&mut self, request: Request) -> Result<Outcome, Failure> {
         self.heard.clear();
         let result = self.carry_out(&request).or_else(|failure| self.recover(&request, failure));
-        if matches!(result, Err(Failure::Stopped { .. })) {
-            self.leave_rest(&request)?;
+        match &result {
+            Err(Failure::Stopped { .. }) => self.leave_rest(&request)?,
+            Ok(_) if request.is_unwatched() => self.link.common().leave_unwatched(request),
+            _ => {}
         }
         result
     }

@@ -1,6 +1,8 @@
 //! What can be asked of a set, what comes of it, and why it does not: plain data, the same for a live set behind its
 //! control socket and for a dry run. Nothing is carried out in here.
 
+use std::collections::BTreeMap;
+
 use miette::Diagnostic;
 use serde::{Deserialize, Serialize};
 use supersigma_protocol::{
@@ -119,6 +121,35 @@ pub enum Request {
         /// They need not be right.
         bytes: CommandBytes,
     },
+}
+
+impl Request {
+    /// The axes that it moves, and how far in all, if its rest can be made later. A search has no rest: it is begun anew.
+    #[must_use]
+    pub fn moving(&self) -> BTreeMap<AxisNumber, Displacement> {
+        let mut axes = BTreeMap::new();
+        let mut add = |parts: &[(AxisNumber, Displacement)]| {
+            for (axis, by) in parts.iter().filter(|(_, by)| by.0 != 0) {
+                axes.entry(*axis).or_insert(Displacement(0)).0 += by.0;
+            }
+        };
+        match self {
+            Self::Move { axis, by, .. } => add(&[(*axis, *by)]),
+            Self::Line { parts, .. } => add(parts),
+            Self::Path { legs, .. } => legs.iter().for_each(|leg| add(&leg.parts)),
+            _ => {}
+        }
+        axes
+    }
+
+    /// Whether it is a movement that nobody waits for.
+    #[must_use]
+    pub fn is_unwatched(&self) -> bool {
+        matches!(
+            self,
+            Self::Move { wait: false, .. } | Self::Line { wait: false, .. } | Self::Path { wait: false, .. }
+        )
+    }
 }
 
 /// One line of a path.
