@@ -4,13 +4,16 @@
 //! floating point in the pulse path, no allocation per pulse. [`worker`] is the thin shell that gives it time and frames.
 
 mod axis;
+#[deny(clippy::float_arithmetic)]
 mod board;
 mod card;
 pub mod clock;
 mod digital;
+#[deny(clippy::float_arithmetic)]
 pub mod firmware;
 pub mod mechanism;
 pub mod motor;
+#[deny(clippy::float_arithmetic)]
 pub mod pit8253;
 pub mod ramp;
 pub mod worker;

@@ -12,6 +12,8 @@
 //!           Originate SeekReference      found, or not within its bound
 //! ```
 //!
+//! In closed loop the shaft comes to rest (Settling, Zeroing) between the last pulse and Standing.
+//!
 //! An alarm is no state of its own: it accompanies the state, forbids new movements, and stays until `Clear`.
 
 mod arming;

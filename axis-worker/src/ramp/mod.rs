@@ -23,8 +23,11 @@
 #[cfg(test)]
 mod bound_tests;
 mod curve;
+#[deny(clippy::float_arithmetic)]
 mod paper;
+#[deny(clippy::float_arithmetic)]
 mod plan;
+#[deny(clippy::float_arithmetic)]
 mod schedule;
 mod table;
 #[cfg(test)]

@@ -8,8 +8,9 @@ use supersigma_protocol::{
     Activity, Answer, AxisNumber, AxisReport, Broadcast, Command, Operation, Report, Steps,
 };
 
+use super::failure::Failure;
 use super::link::{Heard, Link};
-use super::request::{AxisState, Displacement, Failure, Leg, Movement, Outcome, Remainder, Request};
+use super::request::{AxisState, Displacement, Leg, Movement, Outcome, Remainder, Request};
 use super::{Executive, Operate};
 
 /// A program that waits to be resumed sleeps for so long at a time.

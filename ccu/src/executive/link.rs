@@ -8,7 +8,8 @@ use axis_worker::ramp::Table;
 use supersigma_config::{Config, RampError};
 use supersigma_protocol::{Address, Answer, AxisNumber, Broadcast, Fault, Sequence, SpeedIndex, Tick, Ticks};
 
-use super::request::{Failure, Remainder, Request};
+use super::failure::Failure;
+use super::request::{Remainder, Request};
 
 /// A set's configuration and the ramps that follow from it.
 #[derive(Debug)]

@@ -2,6 +2,7 @@
 //! when each movement is due, and judges by the sense points whether it has come true. It moves nothing itself and
 //! reads no clock but its [`Link`]'s; a live set and a dry run are driven by this very code.
 
+mod failure;
 mod halted;
 mod link;
 mod path;
@@ -18,10 +19,10 @@ use supersigma_protocol::{
     Fault, Operation, Refusal, Report, Sequence, SpeedIndex, Tick, Ticks,
 };
 
+pub use failure::Failure;
 pub use link::{Common, Heard, Knowledge, Link};
 pub use request::{
-    AxisState, Displacement, Failure, Leg, Movement, MovementKind, Outcome, RawAnswer, Recovery, Remainder,
-    Request,
+    AxisState, Displacement, Leg, Movement, MovementKind, Outcome, RawAnswer, Recovery, Remainder, Request,
 };
 
 /// Somebody who carries out requests: an executive, or a client of one.

@@ -9,8 +9,9 @@ use supersigma_protocol::{
     Address, AxisNumber, Broadcast, Command, Direction, Distance, Operation, SpeedIndex, Tick, Ticks,
 };
 
+use super::failure::Failure;
 use super::link::Link;
-use super::request::{Displacement, Failure, Leg, MovementKind, Outcome};
+use super::request::{Displacement, Leg, MovementKind, Outcome};
 use super::{Executive, Underway, refused};
 
 /// A leg as it is commanded.

@@ -9,8 +9,9 @@ use std::collections::BTreeMap;
 use supersigma_protocol::{Alarm, AxisNumber, Command, Operation, Position, Steps};
 
 use super::Executive;
+use super::failure::Failure;
 use super::link::Link;
-use super::request::{Displacement, Failure, Leg, Movement, MovementKind, Outcome, Recovery, Request};
+use super::request::{Displacement, Leg, Movement, MovementKind, Outcome, Recovery, Request};
 
 /// A movement that has failed, and where its axes should be by now.
 struct Step {
