@@ -120,6 +120,10 @@ fn what_is_left_of_a_halted_movement_is_made_when_somebody_resumes_it() {
         assert_eq!(cell.axis("left_y")["position"], left_y);
     }
     assert_eq!(cell.axis("left_x")["position"], 0);
+    // What had ended before it was halted has no rest.
+    cell.ccu("move left_x 10 --no-wait").done();
+    cell.until("left_x", "has got there", |axis| axis["activity"] == "standing" && axis["position"] == 10);
+    cell.ccu("halt left_x").done();
     cell.ccu("resume").fails(1, &["nothing was halted"]);
     assert_eq!(cell.down(), None);
 }

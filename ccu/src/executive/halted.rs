@@ -99,7 +99,7 @@ impl<L: Link> Executive<L> {
         Ok(Outcome::Axes(states))
     }
 
-    /// Keeps what is left of a movement that has been halted.
+    /// Keeps what is left of a movement that has been halted, if anything is.
     pub(super) fn leave_rest(&mut self, request: &Request) -> Result<(), Failure> {
         let (mut from, mut done) = (Vec::new(), BTreeMap::new());
         for axis in request.moving().into_keys() {
@@ -110,10 +110,10 @@ impl<L: Link> Executive<L> {
         let legs = |legs: &[Leg]| remaining(legs, done.clone());
         let request = match request {
             Request::Move { axis, by, speed, constant, .. } => {
-                let parts = vec![(*axis, *by)];
-                let by = legs(&[Leg { parts, speed: *speed }])
-                    .first()
-                    .map_or(Displacement(0), |leg| leg.parts[0].1);
+                let whole = Leg { parts: vec![(*axis, *by)], speed: *speed };
+                let Some(by) = legs(&[whole]).pop().and_then(|leg| Some(leg.parts.first()?.1)) else {
+                    return Ok(());
+                };
                 Request::Move { axis: *axis, by, speed: *speed, constant: *constant, wait: true }
             }
             Request::Line { parts, speed, .. } => {

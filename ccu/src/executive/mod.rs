@@ -42,7 +42,7 @@ pub struct Executive<L> {
     heard: Vec<Heard>,
 }
 
-/// How often the sense points are looked at between the due time of a movement and the time at which it is overdue.
+/// How many times the sense points are looked at between the due time of a movement and the time at which it is overdue.
 const LOOKS: u64 = 8;
 
 /// A movement that has been commanded.
@@ -113,8 +113,9 @@ impl<L: Link> Executive<L> {
         &self.link
     }
 
-    /// Its link.
-    pub fn link_mut(&mut self) -> &mut L {
+    /// Its link, for tests that make trouble on it.
+    #[cfg(test)]
+    pub(crate) fn link_mut(&mut self) -> &mut L {
         &mut self.link
     }
 
@@ -246,7 +247,7 @@ impl<L: Link> Executive<L> {
             else {
                 return Ok(Outcome::Moved(over.into_iter().flatten().collect()));
             };
-            // Up to the due time its end is told; from then on the sense points are looked at, more and more often.
+            // Its end is told unasked. Once it is due, the sense points are looked at too, in equal parts of the margin.
             let look = self.link.now().max(next.due) + margin_part;
             let Some(heard) = self.hear(look.min(deadline))? else {
                 // It may have ended and the news got lost: ask.
