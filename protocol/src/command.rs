@@ -122,6 +122,12 @@ impl Operation {
         }
     }
 
+    /// Whether it may set something going: everything but asking, stopping and acknowledging.
+    #[must_use]
+    pub const fn sets_going(&self) -> bool {
+        !matches!(self, Self::Status | Self::Halt | Self::Brake | Self::Clear | Self::ReadInputs)
+    }
+
     /// The operation's name, as people read it in tables and logs.
     #[must_use]
     pub const fn name(&self) -> &'static str {

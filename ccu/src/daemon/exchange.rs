@@ -318,10 +318,7 @@ impl LiveLink {
             return Ok(());
         };
         let state = self.exchange.state();
-        let moves = !matches!(
-            command.operation,
-            Operation::Status | Operation::Halt | Operation::Brake | Operation::Clear | Operation::ReadInputs
-        );
+        let moves = command.operation.sets_going();
         if moves && state.going_down {
             return Err(Failure::GoingDown);
         }

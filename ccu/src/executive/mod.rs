@@ -373,11 +373,21 @@ impl<L: Link> Executive<L> {
         }
     }
 
-    /// Commands one axis and waits for its consent.
+    /// Commands one axis and waits for its consent. If whoever asked goes away meanwhile, what the axis has consented to is
+    /// halted.
     fn command(&mut self, axis: AxisNumber, operation: Operation) -> Result<Answer, Failure> {
         self.link.knowledge().table(axis)?;
         let sequence = self.link.send(Command::new(axis.address(), operation).into())?;
-        let answer = self.answer(axis.address(), sequence)?;
+        let answer = match self.answer(axis.address(), sequence) {
+            Err(Failure::Cancelled) if operation.sets_going() => {
+                let answer = self.answer(axis.address(), sequence)?;
+                if refused(axis, &answer).is_ok() {
+                    self.link.send(Command::new(axis.address(), Operation::Halt).into())?;
+                }
+                return Err(Failure::Cancelled);
+            }
+            answer => answer?,
+        };
         refused(axis, &answer)?;
         Ok(answer)
     }

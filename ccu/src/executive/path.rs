@@ -67,7 +67,13 @@ impl<L: Link> Executive<L> {
             });
         }
         common.begin(&axes);
-        let start = self.start_together(&armed)?;
+        let start = match self.start_together(&armed) {
+            Ok(start) => start,
+            Err(failure) => {
+                self.halt(&armed)?;
+                return Err(failure);
+            }
+        };
         drop(starting);
         for underway in &mut armed {
             (underway.start, underway.due) = (start, start + Ticks(duration));
@@ -143,8 +149,8 @@ impl<L: Link> Executive<L> {
         Ok(since)
     }
 
-    /// Names one start tick to all armed axes. Unless every one confirms it before half of the lead has passed, the
-    /// line is called off while there is still time, so that nobody moves.
+    /// Names one start tick to all armed axes. Unless every one confirms it before half of the lead has passed, it fails
+    /// while there is still time to call the line off, so that nobody moves.
     fn start_together(&mut self, armed: &[Underway]) -> Result<Tick, Failure> {
         let lead = Duration::from_millis(self.link.knowledge().config.line.lead_ms.into());
         let now = self.link.now();
@@ -155,16 +161,13 @@ impl<L: Link> Executive<L> {
         let mut pending: Vec<AxisNumber> = armed.iter().map(|underway| underway.axis).collect();
         while let Some(first) = pending.first().copied() {
             let from: Vec<Address> = pending.iter().map(|axis| axis.address()).collect();
-            let confirmed = match self.answer_to(sequence, &from, confirmed_by)? {
+            match self.answer_to(sequence, &from, confirmed_by)? {
                 Some(answer) => {
-                    let axis = pending.iter().position(|axis| axis.address() == answer.card);
-                    axis.map_or(Ok(()), |index| refused(pending.swap_remove(index), &answer))
+                    if let Some(index) = pending.iter().position(|axis| axis.address() == answer.card) {
+                        refused(pending.swap_remove(index), &answer)?;
+                    }
                 }
-                None => Err(Failure::NotConfirmed { axis: first }),
-            };
-            if let Err(failure) = confirmed {
-                self.halt(armed)?;
-                return Err(failure);
+                None => return Err(Failure::NotConfirmed { axis: first }),
             }
         }
         Ok(start)

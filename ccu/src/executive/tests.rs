@@ -161,3 +161,65 @@ fn a_line_whose_start_comes_too_late_moves_nobody() {
         assert_eq!((report.activity, report.position), (Activity::Standing, Some(Position(0))));
     }
 }
+
+/// A link whose client goes away while it waits for the answer to one kind of command.
+struct HangsUp {
+    set: DrySet<NoPulses>,
+    on: u8,
+    gone: bool,
+}
+
+impl Link for HangsUp {
+    fn knowledge(&self) -> &Arc<Knowledge> {
+        self.set.knowledge()
+    }
+    fn now(&self) -> Tick {
+        self.set.now()
+    }
+    fn ticks(&self, real: Duration) -> Ticks {
+        self.set.ticks(real)
+    }
+    fn send(&mut self, broadcast: Broadcast) -> Result<Sequence, Failure> {
+        self.gone |= broadcast.bytes.as_slice().get(1) == Some(&self.on);
+        self.set.send(broadcast)
+    }
+    fn inject(&mut self, axis: AxisNumber, fault: Fault) -> Result<Sequence, Failure> {
+        self.set.inject(axis, fault)
+    }
+    fn hear(&mut self, until: Tick) -> Result<Option<Heard>, Failure> {
+        if std::mem::take(&mut self.gone) { Err(Failure::Cancelled) } else { self.set.hear(until) }
+    }
+    fn common(&self) -> Arc<Common> {
+        self.set.common()
+    }
+    fn tell_resume(&self) {
+        self.set.tell_resume();
+    }
+}
+
+#[test]
+fn what_begins_while_its_client_goes_away_is_halted() {
+    let by = Displacement(5_000);
+    let line = Request::Line { parts: vec![(axis(1), by), (axis(2), by)], speed: None, wait: true };
+    let slow = Request::Move { axis: axis(1), by, speed: None, constant: false, wait: true };
+    for (request, op_code) in [(slow, 0x01), (line.clone(), 0x0A), (line, 0x0B)] {
+        let knowledge = Knowledge::new(Config::default_set()).expect("good ramps");
+        let set = DrySet::new(knowledge, NoPulses, None).expect("a good set");
+        let mut executive = Executive::new(HangsUp { set, on: op_code, gone: false });
+        executive.operate(Request::Originate { axes: vec![axis(1), axis(2)] }).expect("nothing forbids it");
+        assert_eq!(executive.operate(request), Err(Failure::Cancelled), "{op_code:02X}");
+        executive.operate(Request::Wait { ticks: Ticks::from_millis(5_000) }).expect("time passes");
+        let Ok(Outcome::Axes(states)) = executive.operate(Request::Status { axes: vec![axis(1), axis(2)] })
+        else {
+            panic!("the cards answer");
+        };
+        for state in states {
+            let report = state.report.expect("alive");
+            assert_eq!(report.activity, Activity::Standing, "{op_code:02X}");
+            assert!(
+                report.position.is_some_and(|position| position < Position(10)),
+                "{op_code:02X}: {report:?}"
+            );
+        }
+    }
+}
