@@ -92,13 +92,16 @@ pub(super) fn frames(args: &FramesArgs) -> Result<(), Exit> {
         other => Exit::wrong(miette!("{other}")),
     })?;
     if counts.truncated {
-        let _ = writeln!(
-            io::stderr(),
-            "the log ends in the middle of a record; of the {} frames before that, {} are shown\n{}",
-            counts.read,
-            counts.printed,
-            recover_help(&args.log)
-        );
+        let shown = match counts.printed {
+            all if all == counts.read => "are shown".to_owned(),
+            some => format!("were read, and {some} of them are shown"),
+        };
+        let help = recover_help(&args.log);
+        let read = counts.read;
+        let told =
+            format!("the log ends in the middle of a record; the {read} frames before that {shown}\n{help}");
+        // If nobody reads it, there is nobody else to tell.
+        let _ = writeln!(io::stderr(), "{told}");
     }
     Ok(())
 }
