@@ -11,7 +11,7 @@ fn sampled() -> Rig {
     Rig { card, record: Record::default(), sequence: Sequence(0) }
 }
 
-fn is_sample(answer: &&Answer) -> bool {
+fn is_sample(answer: &Answer) -> bool {
     answer.about == About::Unasked(Occasion::Sampled)
 }
 
@@ -35,7 +35,7 @@ fn a_moving_axis_is_sampled_on_multiples_of_the_period_and_says_where_it_is() {
     let end = rig.card.now();
     rig.wait(1_000_000);
 
-    let samples: Vec<&Answer> = rig.record.answers.iter().filter(is_sample).collect();
+    let samples: Vec<&Answer> = rig.record.answers.iter().filter(|answer| is_sample(answer)).collect();
     let due: Vec<u64> = (start.0 + 1..end.0).filter(|tick| tick % PERIOD == 0).collect();
     assert_eq!(samples.iter().map(|answer| answer.acted_at.0).collect::<Vec<_>>(), due);
     for sample in samples {
@@ -64,7 +64,7 @@ fn a_standing_or_armed_axis_is_not_sampled() {
     let start = rig.card.now() + Ticks(5 * PERIOD);
     rig.command_at(Operation::Go, Some(start)).expect("armed");
     rig.settle();
-    let first = rig.record.answers.iter().find(is_sample).expect("it moves");
+    let first = rig.record.answers.iter().find(|answer| is_sample(answer)).expect("it moves");
     assert!(first.acted_at > start && first.acted_at <= start + Ticks(PERIOD), "{}", first.acted_at);
 }
 
