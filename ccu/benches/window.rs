@@ -84,6 +84,7 @@ fn round(turn: u64) -> Result<Vec<(Lane, Frame)>, Box<dyn Error>> {
             activity: Activity::Cruising,
             alarm: None,
             lost: None,
+            pace: None,
         };
         let answer = Answer {
             card: axis.address(),

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 use supersigma_protocol::{
-    Activity, Address, Deviation, Direction, Position, Sequence, SpeedIndex, Steps, Tick,
+    Activity, Address, Deviation, Direction, Position, Sequence, SpeedIndex, Steps, Tick, Ticks,
 };
 
 use super::view::{
@@ -10,7 +10,7 @@ use super::view::{
 };
 
 /// The columns' titles, in the order of [`Row`]'s fields.
-pub(super) const COLUMNS: [&str; 27] = [
+pub(super) const COLUMNS: [&str; 29] = [
     "kind",
     "time_s",
     "tick",
@@ -33,6 +33,8 @@ pub(super) const COLUMNS: [&str; 27] = [
     "sense",
     "position",
     "activity",
+    "steps_per_s",
+    "period",
     "alarm",
     "lost",
     "reason",
@@ -71,6 +73,10 @@ pub(super) struct Row<'a> {
     sense: Option<&'a str>,
     position: Option<Position>,
     activity: Option<Activity>,
+    /// How fast an axis goes, negative towards the origin.
+    steps_per_s: Option<f64>,
+    /// Its pulse period in ticks.
+    period: Option<Ticks>,
     /// For people.
     alarm: Option<&'a str>,
     lost: Option<Deviation>,
@@ -138,11 +144,23 @@ impl<'a> Row<'a> {
         };
         match &view.report {
             ReportView::Digital(digital) => Self { word: Some(digital.word), ..row },
-            ReportView::Axis(AxisView { sense, steps, position, activity, alarm, lost, .. }) => Self {
+            ReportView::Axis(AxisView {
+                sense,
+                steps,
+                position,
+                activity,
+                alarm,
+                lost,
+                speed,
+                period,
+                ..
+            }) => Self {
                 sense: Some(sense),
                 steps: Some(*steps),
                 position: *position,
                 activity: Some(*activity),
+                steps_per_s: Some(*speed),
+                period: *period,
                 alarm: alarm.as_ref().map(|AlarmView { message, .. }| message.as_str()),
                 cause: alarm.as_ref().map(|AlarmView { cause, .. }| cause.as_str()),
                 lost: *lost,

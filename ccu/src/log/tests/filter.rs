@@ -212,17 +212,20 @@ fn a_table_has_its_columns() {
     assert_eq!(
         lines[0],
         "kind,time_s,tick,sender,sequence,address,name,bytes,operation,direction,steps,speed,word,fault,at,about,command,\
-         refusal,acted_at,sense,position,activity,alarm,lost,reason,cause,error"
+         refusal,acted_at,sense,position,activity,steps_per_s,period,alarm,lost,reason,cause,error"
     );
-    assert_eq!(lines[1], "command,1.0,2000000,ccu,0,1,left_x,01 01 0A 28,Move,forward,2600,,,,,,,,,,,,,,,,");
+    assert_eq!(
+        lines[1],
+        "command,1.0,2000000,ccu,0,1,left_x,01 01 0A 28,Move,forward,2600,,,,,,,,,,,,,,,,,,"
+    );
     assert_eq!(
         lines[2],
         "answer,1.00005,2000100,left_x,0,1,left_x,,,,2600,,,,,command,0,the position is unknown; originate first,\
-         2000097,00010,-17,standing,excessive force,,not_originated,excessive_force,"
+         2000097,00010,-17,standing,0.0,,excessive force,,not_originated,excessive_force,"
     );
     assert!(lines[3].starts_with("undecodable,,,,,,,FF,,"), "{}", lines[3]);
     assert_eq!(lines.len(), 4);
     // What has commas or quotes in it is quoted, so that every row has all columns.
     let mut rows = csv::ReaderBuilder::new().from_reader(text.as_bytes());
-    assert!(rows.records().all(|row| row.expect("as many fields as columns").len() == 27));
+    assert!(rows.records().all(|row| row.expect("as many fields as columns").len() == 29));
 }
