@@ -95,7 +95,7 @@ fn wrong_questions_are_told_as_such() {
         (format!("frames {log} --op dance"), 2, "the operations are `Move`, `MoveLimited`"),
         (format!("frames {log} --axis left_q"), 2, "knows no axis `left_q`"),
         (format!("frames {log} --from soon"), 2, "it is a number of seconds"),
-        (format!("frames {log} --from -1"), 2, "--from"),
+        (format!("frames {log} --from -1"), 2, "it is a number of seconds"),
         (
             format!("frames {log} --from 2 --to 1.5"),
             2,

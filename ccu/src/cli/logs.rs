@@ -20,10 +20,10 @@ pub(super) struct FramesArgs {
     #[arg(long)]
     axis: Option<String>,
     /// Only frames from this second of machine time on (the first column)
-    #[arg(long, value_name = "S", value_parser = seconds)]
+    #[arg(long, value_name = "S", value_parser = seconds, allow_negative_numbers = true)]
     from: Option<Tick>,
     /// Only frames before this second of machine time
-    #[arg(long, value_name = "S", value_parser = seconds)]
+    #[arg(long, value_name = "S", value_parser = seconds, allow_negative_numbers = true)]
     to: Option<Tick>,
     /// Only commands with this operation, as in `move` or `fault`, and the answers to them
     #[arg(long, value_name = "NAME", value_parser = log::operation)]

@@ -126,7 +126,7 @@ impl<'a> Printer<'a> {
         match self {
             Self::People(lines, out) => writeln!(out, "{}", lines.title()),
             Self::Json(_) => Ok(()),
-            Self::Csv(table) => table.write_record(COLUMNS).map_err(io::Error::from),
+            Self::Csv(table) => table.write_record(COLUMNS).map_err(plain),
         }
     }
 
@@ -137,7 +137,7 @@ impl<'a> Printer<'a> {
                 serde_json::to_writer(&mut *out, view).map_err(io::Error::from)?;
                 writeln!(out)
             }
-            Self::Csv(table) => table.serialize(Row::from(view)).map_err(io::Error::from),
+            Self::Csv(table) => table.serialize(Row::from(view)).map_err(plain),
         }
     }
 
@@ -146,6 +146,14 @@ impl<'a> Printer<'a> {
             Self::People(_, out) | Self::Json(out) => out.flush(),
             Self::Csv(table) => table.flush(),
         }
+    }
+}
+
+/// The system's own error: wrapped in the table's, a reader who went away could not be told from a full disk.
+fn plain(error: csv::Error) -> io::Error {
+    match error.into_kind() {
+        csv::ErrorKind::Io(error) => error,
+        other => io::Error::other(format!("{other:?}")),
     }
 }
 

@@ -213,10 +213,11 @@ fn a_reader_may_go_away() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("run.mcap");
     write(&path, &second());
-    for json in [false, true] {
-        let count = frames(&path, &asked(None, json), &mut Pipe(2_000)).expect("a quiet end");
-        assert!((1..54).contains(&count.printed), "{count:?}");
-        assert_eq!(frames(&path, &asked(None, json), &mut Pipe(0)).expect("a quiet end").printed, 0);
+    for form in [Form::People, Form::Json, Form::Csv] {
+        let asked = FramesAsked { form, ..FramesAsked::default() };
+        let count = frames(&path, &asked, &mut Pipe(2_000)).expect("a quiet end");
+        assert!(form == Form::Csv || (1..54).contains(&count.printed), "{count:?}");
+        assert_eq!(frames(&path, &asked, &mut Pipe(0)).expect("a quiet end").printed > 0, form == Form::Csv);
     }
 }
 
