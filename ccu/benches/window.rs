@@ -76,7 +76,7 @@ fn round(turn: u64) -> Result<Vec<(Lane, Frame)>, Box<dyn Error>> {
     let mut frames = vec![(Lane::Commands, command)];
     for axis in AxisNumber::all() {
         // Numbers that look like a movement's, so that compression has something to do.
-        let steps = u32::try_from((turn * 2_654_435_761 ^ u64::from(axis.get()) << 20) % 65_536)?;
+        let steps = u32::try_from(((turn * 2_654_435_761) ^ (u64::from(axis.get()) << 20)) % 65_536)?;
         let report = AxisReport {
             sense: StatusWord::default(),
             steps: Steps(steps),

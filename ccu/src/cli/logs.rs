@@ -111,9 +111,9 @@ pub(super) fn log(command: &LogCommand) -> Result<(), Exit> {
     let info = log::info(&args.log).into_diagnostic().map_err(Exit::wrong)?;
     let mut out = BufWriter::new(io::stdout().lock());
     if args.json {
-        show::print_json(&info, &mut out)?
+        show::print_json(&info, &mut out)?;
     } else {
-        tell(&info, &mut out)?
+        tell(&info, &mut out)?;
     }
     Ok(out.flush()?)
 }

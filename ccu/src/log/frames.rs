@@ -78,31 +78,31 @@ pub fn frames(path: &Path, asked: &FramesAsked<'_>, out: &mut dyn Write) -> Resu
     let mut judge = filter.start(timeline);
     let mut printer = Printer::new(asked.form, &names, out);
     let mut count = FramesCount::default();
-    let printed = |result: io::Result<()>| match result {
+    let heard = |result: io::Result<()>| match result {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(false),
         other => other.map(|()| true).map_err(LogError::Output),
     };
-    if !printed(printer.title())? {
+    if !heard(printer.title())? {
         return Ok(count);
     }
     for logged in reader.by_ref() {
         let logged = match logged {
             Ok(logged) => logged,
             Err(damage) => {
-                printed(printer.flush())?;
+                heard(printer.flush())?;
                 return Err(damage);
             }
         };
         count.read += 1;
         if judge.wants(&logged) {
             let view = FrameView::new(&logged.bytes, logged.frame.as_ref(), &names);
-            if !printed(printer.frame(&view))? {
+            if !heard(printer.frame(&view))? {
                 return Ok(count);
             }
             count.printed += 1;
         }
     }
-    printed(printer.flush())?;
+    heard(printer.flush())?;
     count.truncated = reader.truncated();
     Ok(count)
 }

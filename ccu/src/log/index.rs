@@ -126,20 +126,20 @@ impl Index {
 #[derive(Debug)]
 pub(super) struct Parts<F> {
     file: F,
-    parts: std::vec::IntoIter<Range<u64>>,
+    coming: std::vec::IntoIter<Range<u64>>,
     left: u64,
 }
 
 impl<F: Read + Seek> Parts<F> {
     pub(super) fn new(file: F, parts: Vec<Range<u64>>) -> Self {
-        Self { file, parts: parts.into_iter(), left: 0 }
+        Self { file, coming: parts.into_iter(), left: 0 }
     }
 }
 
 impl<F: Read + Seek> Read for Parts<F> {
     fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
         while self.left == 0 {
-            let Some(part) = self.parts.next() else { return Ok(0) };
+            let Some(part) = self.coming.next() else { return Ok(0) };
             self.file.seek(SeekFrom::Start(part.start))?;
             self.left = part.end - part.start;
         }
