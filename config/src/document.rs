@@ -151,8 +151,11 @@ pub(crate) fn key_near(text: &str, offset: usize) -> KeyPath {
         }
     }
     let line = text[..line_end].lines().next_back().unwrap_or_default().trim_start();
-    let key = line.split(['=', '#']).next().unwrap_or_default().trim();
-    if key.is_empty() || line.starts_with('[') {
+    let Some((key, _)) = line.split_once('=') else {
+        return path;
+    };
+    let key = key.trim();
+    if key.is_empty() || key.contains('#') || line.starts_with('[') {
         return path;
     }
     key.split('.').fold(path, |path, key| path.key(key.trim().trim_matches(['"', '\''])))

@@ -85,7 +85,7 @@ fn names_that_mean_nothing_are_told_with_what_was_meant() {
         ("move 1 65536", "65536 steps are too many for one movement"),
         (
             "move 1 10 --speed 20000",
-            "axis 1 cannot run at 20000 steps/s; its ramp goes from 650.0 to 15037.6",
+            "axis 1 (left_x) cannot run at 20000 steps/s; its ramp goes from 650.0 to 15037.6",
         ),
         ("line 1", "\"1\" is not of the form AXIS=STEPS"),
         ("line 1=far", "\"far\" in \"1=far\" is no number of steps"),

@@ -39,8 +39,8 @@ impl Asked {
         let description = client.describe()?;
         let config = Config::from_toml(&description.config, "the set's configuration")
             .map_err(|error| Failure::Control { reason: error.to_string() })?;
-        let knowledge = Knowledge::new(config.clone())
-            .map_err(|error| Failure::Control { reason: error.to_string() })?;
+        let knowledge =
+            Knowledge::new(config.clone()).map_err(|error| Failure::Control { reason: error.to_string() })?;
         Ok(Self { client, description, config, knowledge })
     }
 

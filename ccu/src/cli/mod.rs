@@ -95,7 +95,9 @@ Examples:
     #[command(after_help = "Examples:\n  ccu reference left_x\n  ccu reference 1 --json")]
     Reference(ask::ReferenceArgs),
     /// Stop axes with the normal ramp; positions are kept
-    #[command(after_help = "Examples:\n  ccu halt                            all axes\n  ccu halt left_x left_y")]
+    #[command(
+        after_help = "Examples:\n  ccu halt                            all axes\n  ccu halt left_x left_y"
+    )]
     Halt(ask::AxesArgs),
     /// Finish what was halted: the remaining steps, alone or on a line
     #[command(after_help = "Examples:\n  ccu resume\n  ccu resume --json")]

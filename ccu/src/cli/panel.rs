@@ -173,7 +173,9 @@ pub(super) fn send(args: &SendArgs) -> Result<(), Exit> {
             };
             Err(Exit::told(failure, &asked.knowledge))
         }
-        Some((None, refusal)) => Err(Exit::could_not(miette!(help = advice::refusal(&refusal), "refused: {refusal}"))),
+        Some((None, refusal)) => {
+            Err(Exit::could_not(miette!(help = advice::refusal(&refusal), "refused: {refusal}")))
+        }
         None => Ok(()),
     }
 }

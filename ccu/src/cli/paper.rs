@@ -50,24 +50,27 @@ pub(super) fn man(args: &ManArgs) -> Result<(), Exit> {
         let path = dir.join(format!("{name}.1"));
         fs::write(&path, text).map_err(|error| cannot(&path, &error))?;
     }
-    writeln!(io::stdout().lock(), "{} pages in {}; `man -l {}` shows one", pages.len(), dir.display(), dir.join("ccu.1").display())?;
+    writeln!(
+        io::stdout().lock(),
+        "{} pages in {}; `man -l {}` shows one",
+        pages.len(),
+        dir.display(),
+        dir.join("ccu.1").display()
+    )?;
     Ok(())
 }
 
 /// The command line without what is not for people.
 fn visible() -> Command {
-    without_hidden(&Cli::command())
+    without_hidden(&Cli::command()).version(env!("CARGO_PKG_VERSION"))
 }
 
-/// clap has no way to take a subcommand away, so the command is made anew from what it has.
+/// clap has no way to take something away from a command, so it is made anew from what it shows.
 fn without_hidden(command: &Command) -> Command {
-    let visible: Vec<Command> =
-        command.get_subcommands().filter(|sub| !sub.is_hide_set()).cloned().collect();
-    let mut bare = Command::new("ccu")
-        .version(env!("CARGO_PKG_VERSION"))
-        .subcommand_required(true)
-        .args(command.get_arguments().cloned())
-        .subcommands(visible);
+    let mut bare = Command::new(command.get_name().to_owned())
+        .args(command.get_arguments().filter(|arg| !arg.is_hide_set()).cloned())
+        .subcommands(command.get_subcommands().filter(|sub| !sub.is_hide_set()).map(without_hidden))
+        .subcommand_required(command.is_subcommand_required_set());
     if let Some(about) = command.get_about() {
         bare = bare.about(about.clone());
     }
@@ -80,7 +83,7 @@ fn without_hidden(command: &Command) -> Command {
 /// The pages of a command and of everything below it.
 fn collect(command: &Command, name: &str, pages: &mut Vec<(String, Vec<u8>)>) -> io::Result<()> {
     pages.push((name.to_owned(), page(command, name)?));
-    for sub in command.get_subcommands().filter(|sub| !sub.is_hide_set()) {
+    for sub in command.get_subcommands() {
         collect(sub, &format!("{name}-{}", sub.get_name()), pages)?;
     }
     Ok(())
@@ -98,7 +101,7 @@ fn page(command: &Command, name: &str) -> io::Result<Vec<u8>> {
     man.render_synopsis_section(&mut page)?;
     man.render_description_section(&mut page)?;
     man.render_options_section(&mut page)?;
-    if command.get_subcommands().any(|sub| !sub.is_hide_set()) {
+    if command.has_subcommands() {
         man.render_subcommands_section(&mut page)?;
     }
     if let Some(after) = command.get_after_help() {
@@ -116,7 +119,10 @@ fn more(after: &str, page: &mut dyn Write) -> io::Result<()> {
         roff.control("SH", ["NOTES"]);
         for line in notes.lines() {
             roff.text([roman(line)]);
-            roff.control("br", []);
+            // Lines are filled anew, but a list of sentences stays a list.
+            if line.ends_with('.') {
+                roff.control("br", []);
+            }
         }
     }
     if !examples.is_empty() {
@@ -137,7 +143,7 @@ mod tests {
         if command.get_subcommands().next().is_none() {
             found.push((name.to_owned(), command));
         }
-        for sub in command.get_subcommands().filter(|sub| !sub.is_hide_set()) {
+        for sub in command.get_subcommands() {
             leaves(sub, &format!("{name} {}", sub.get_name()), found);
         }
     }
@@ -158,12 +164,17 @@ mod tests {
             for line in examples.lines() {
                 // What is typed, without the explanation behind two spaces; a pipe's second half is ours.
                 let line = line.trim().split("  ").next().unwrap_or_default();
-                let line = line.rsplit_once("| ccu").map_or(line.to_owned(), |(_, ours)| format!("ccu{ours}"));
+                let line =
+                    line.rsplit_once("| ccu").map_or(line.to_owned(), |(_, ours)| format!("ccu{ours}"));
                 let line = line.split(" > ").next().unwrap_or_default();
                 assert!(line.starts_with(&name), "`{line}` is no example of `{name}`");
                 let words = shell_words(line);
                 let parsed = Cli::command().try_get_matches_from(&words);
-                assert!(parsed.is_ok(), "`{line}`: {}", parsed.err().map(|e| e.to_string()).unwrap_or_default());
+                assert!(
+                    parsed.is_ok(),
+                    "`{line}`: {}",
+                    parsed.err().map(|e| e.to_string()).unwrap_or_default()
+                );
                 typed += 1;
             }
             assert!(typed > 0, "`{name} --help` has no examples");
@@ -189,9 +200,8 @@ mod tests {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut visible(), "ccu", &mut script);
             let script = String::from_utf8(script).expect("UTF-8");
-            for known in ["origin", "completions", "lost-steps", "time-scale"] {
-                // Free words such as faults are not completed.
-                assert_eq!(script.contains(known), known != "lost-steps", "{known} for {shell}");
+            for known in ["origin", "completions", "time-scale", "powershell"] {
+                assert!(script.contains(known), "{known} for {shell}");
             }
             for hidden in ["axis-worker", "recorder", "detached"] {
                 assert!(!script.contains(&format!("{hidden} ")), "{hidden} for {shell}");

@@ -56,7 +56,8 @@ pub(super) struct RunArgs {
 
 pub(super) fn run(args: &RunArgs) -> Result<(), Exit> {
     let (name, source) = source(args)?;
-    let program = Program::compile(&name, &source).map_err(|error| Exit::with_code(error.exit_code(), error))?;
+    let program =
+        Program::compile(&name, &source).map_err(|error| Exit::with_code(error.exit_code(), error))?;
     if args.dry_run {
         return dry_run(args, &program, source);
     }
@@ -156,7 +157,10 @@ fn on_a_set_that_is_up(args: &RunArgs, program: &Program) -> Result<(), Exit> {
     let knowledge = Arc::clone(&asked.knowledge);
     let failed = |error| Exit::of_program(error, &knowledge);
     // The state of the set is not known here, so only what is wrong with the program itself counts.
-    rehearse(program, &knowledge)?.filter(|error| !error.is_robots_fault()).map_or(Ok(()), Err).map_err(failed)?;
+    rehearse(program, &knowledge)?
+        .filter(|error| !error.is_robots_fault())
+        .map_or(Ok(()), Err)
+        .map_err(failed)?;
     let stop = Arc::new(AtomicBool::new(false));
     let hang_up = asked.client.hang_up()?;
     let runtime = set::runtime()?;

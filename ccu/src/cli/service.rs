@@ -30,7 +30,9 @@ pub(super) fn stopped(report: &DownReport) {
 /// As long as it is polled, and if the service manager wants it: says in time, twice as often as it must, that the set is
 /// well. It is well if a client is answered; so a daemon that hangs is seen from outside.
 pub(super) async fn watchdog(home: Home) {
-    let Some(limit) = sd_notify::watchdog_enabled().filter(|limit| !limit.is_zero()) else { return std::future::pending().await };
+    let Some(limit) = sd_notify::watchdog_enabled().filter(|limit| !limit.is_zero()) else {
+        return std::future::pending().await;
+    };
     let mut times = tokio::time::interval(limit / 2);
     times.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
     loop {

@@ -25,7 +25,9 @@ pub fn place(alarm: &Alarm) -> Place {
         | Alarm::ExcessiveForce
         | Alarm::FramesLost(_)
         | Alarm::FollowingError(_) => Place::Kept,
-        Alarm::SwitchNeverClosed(_) | Alarm::SwitchNeverOpened(_) | Alarm::ReferenceNotFound(_) => Place::Lost,
+        Alarm::SwitchNeverClosed(_) | Alarm::SwitchNeverOpened(_) | Alarm::ReferenceNotFound(_) => {
+            Place::Lost
+        }
         Alarm::CcuLost => Place::Gone,
     }
 }
@@ -62,7 +64,9 @@ pub fn refusal(refusal: &Refusal) -> &'static str {
         Refusal::UnknownAddress { .. } => "address 0 to 9",
         Refusal::UnknownOpCode { .. } => "see the table of op-codes in the protocol reference",
         Refusal::DirectionNotAllowed { .. } => "clear bit 7 of the second byte",
-        Refusal::WrongCard { .. } => "send it to a card that can do this: motors are 1 to 7, inputs 8, outputs 9",
+        Refusal::WrongCard { .. } => {
+            "send it to a card that can do this: motors are 1 to 7, inputs 8, outputs 9"
+        }
         Refusal::ZeroSteps => "ask for 1 step or more, or leave the movement out",
         Refusal::SpeedOutOfRange { .. } => "`ccu profile` prints the entries of the ramp table",
         Refusal::Moving => "wait until it stands (X4), or halt it first: `ccu halt`",
@@ -70,7 +74,9 @@ pub fn refusal(refusal: &Refusal) -> &'static str {
         Refusal::InAlarm => "look at the axis, then acknowledge the alarm: `ccu clear`",
         Refusal::OutOfTravel { .. } => "the permitted travel is in the configuration: `ccu config show`",
         Refusal::NoLead => "send Lead with the steps of the leading axis first, or use `ccu line`",
-        Refusal::LongerThanLead { .. } => "make the axis with the most steps the leading one, or use `ccu line`",
+        Refusal::LongerThanLead { .. } => {
+            "make the axis with the most steps the leading one, or use `ccu line`"
+        }
         Refusal::NotArmed => "send Lead and ArmLine first, or use `ccu line`",
         Refusal::Late { .. } => "raise `line.lead_ms` in the configuration",
         Refusal::NoStartTick => "use `ccu line`, which names the start tick",
@@ -87,7 +93,9 @@ pub fn failure(failure: &Failure) -> String {
         Failure::Refused { refusal: reason, .. } | Failure::DigitalRefused { refusal: reason, .. } => {
             refusal(reason).into()
         }
-        Failure::Alarm { alarm: cause, position, .. } => format!("{}; {}", alarm(cause), whereabouts(*position)),
+        Failure::Alarm { alarm: cause, position, .. } => {
+            format!("{}; {}", alarm(cause), whereabouts(*position))
+        }
         Failure::Stopped { position: Some(_), .. } => "`ccu resume` makes the remaining steps".into(),
         Failure::Stopped { position: None, .. } => "originate it, its position is lost".into(),
         Failure::NoAnswer { .. } => {
@@ -107,7 +115,9 @@ pub fn failure(failure: &Failure) -> String {
         Failure::FramesLost { .. } => {
             "see with `ccu status` what the axes do, and ask again; the machine may be too busy".into()
         }
-        Failure::Cancelled => "`ccu status` shows where the axes stand; `ccu resume` makes the remaining steps".into(),
+        Failure::Cancelled => {
+            "`ccu status` shows where the axes stand; `ccu resume` makes the remaining steps".into()
+        }
         Failure::GoingDown => "wait until it is down, then start it again: `ccu up`".into(),
         Failure::NoSuchAxis { .. } => "`ccu status` lists the axes of the set".into(),
         Failure::TooFar { .. } => "make it in parts".into(),
@@ -126,7 +136,11 @@ pub fn failure(failure: &Failure) -> String {
 }
 
 fn whereabouts(position: Option<Position>) -> &'static str {
-    if position.is_some() { "its position is kept" } else { "originate it (`ccu origin`), its position is lost" }
+    if position.is_some() {
+        "its position is kept"
+    } else {
+        "originate it (`ccu origin`), its position is lost"
+    }
 }
 
 #[cfg(test)]

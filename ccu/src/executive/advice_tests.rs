@@ -92,9 +92,11 @@ fn must_stand_in_the_chapter(table: &str) {
 
 #[test]
 fn the_chapter_has_every_alarm() {
-    let mut table = "| alarm | on the terminal | position | what to do |\n|---|---|---|---|\n".to_owned();
+    let mut table =
+        "| alarm | on the terminal | what happened | position | what to do |\n|---|---|---|---|---|\n"
+            .to_owned();
     let all = alarms();
-    for (one, _) in all.iter().zip(meanings(&all)) {
+    for (one, meaning) in all.iter().zip(meanings(&all)) {
         let position = match place(one) {
             Place::Kept => "kept",
             Place::Lost => "lost",
@@ -104,7 +106,7 @@ fn the_chapter_has_every_alarm() {
             Place::Lost => format!("{}, and `ccu origin`", alarm(one)),
             Place::Kept | Place::Gone => alarm(one).to_owned(),
         };
-        let _ = writeln!(table, "| `{}` | {one} | {position} | {advice} |", name(one));
+        let _ = writeln!(table, "| `{}` | {one} | {meaning} | {position} | {advice} |", name(one));
     }
     must_stand_in_the_chapter(&table);
 }

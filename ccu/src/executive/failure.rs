@@ -234,7 +234,8 @@ impl Failure {
     pub fn told(&self, knowledge: &Knowledge) -> String {
         let mut text = String::new();
         let named = |axis: AxisNumber| knowledge.number_and_name(axis);
-        let time = self.at().map_or_else(String::new, |at| format!(" at {:.7} s", at.since(Tick(0)).as_seconds()));
+        let time =
+            self.at().map_or_else(String::new, |at| format!(" at {:.7} s", at.since(Tick(0)).as_seconds()));
         // Writing into a string cannot fail.
         let _ = self.tell(&mut text, &named, &time);
         text
@@ -260,7 +261,12 @@ impl Failure {
             Self::Refused { axis, refusal, .. } => write!(f, "{} refused{time}: {refusal}", name(*axis)),
             Self::DigitalRefused { card, refusal } => write!(f, "{} refused: {refusal}", card_name(card)),
             Self::Alarm { axis, alarm, done, position, .. } => {
-                write!(f, "{} is in alarm{time}: {alarm}; {done} steps done, {}", name(*axis), place(*position))
+                write!(
+                    f,
+                    "{} is in alarm{time}: {alarm}; {done} steps done, {}",
+                    name(*axis),
+                    place(*position)
+                )
             }
             Self::Stopped { axis, done, position, .. } => {
                 write!(f, "{} was stopped{time} after {done} steps, {}", name(*axis), place(*position))

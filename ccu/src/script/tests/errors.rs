@@ -101,7 +101,9 @@ fn a_refusal_is_drawn_with_its_axis_and_the_calls_that_led_there() {
     let (min, max) = (Position(0), Position(18_300));
     let refusal = Refusal::OutOfTravel { target: Position(-5), min, max };
     let ScriptError::Robot { failure, .. } = &error else { panic!("{error:?}") };
-    assert!(matches!(failure, Failure::Refused { axis: who, refusal: why, at: Some(_) } if (*who, *why) == (axis(3), refusal)));
+    assert!(
+        matches!(failure, Failure::Refused { axis: who, refusal: why, at: Some(_) } if (*who, *why) == (axis(3), refusal))
+    );
     is_drawn(
         &error,
         r"
