@@ -1,7 +1,7 @@
 //! What is said to systemd's journal: if standard error is connected to it, lines have a priority in front (`<3>`, as in
-//! sd-daemon(3)) and neither time nor colours, since the journal knows the one and keeps the other for ever.
+//! `sd-daemon(3)`) and neither time nor colours, since the journal knows the one and keeps the other for ever.
 
-use std::fmt;
+use std::fmt::{self, Write as _};
 use std::fs::File;
 use std::os::fd::AsFd;
 use std::os::unix::fs::MetadataExt;
@@ -9,7 +9,7 @@ use std::os::unix::fs::MetadataExt;
 use tracing::{Event, Level, Subscriber};
 use tracing_subscriber::fmt::format::{FormatEvent, FormatFields, Writer};
 use tracing_subscriber::fmt::{FmtContext, FormattedFields};
-use tracing_subscriber::registry::LookupSpan;
+use tracing_subscriber::registry::{LookupSpan, Scope};
 
 /// Whether standard error is the very stream that `JOURNAL_STREAM` names, by device and inode. If it has been redirected
 /// since, it is not.
@@ -32,7 +32,7 @@ fn marked(priority: u8, text: &str) -> String {
     lines.join("\n")
 }
 
-/// syslog(3)'s number.
+/// `syslog(3)`'s number.
 fn priority(level: Level) -> u8 {
     match level {
         Level::ERROR => 3,
@@ -57,10 +57,10 @@ where
         event: &Event<'_>,
     ) -> fmt::Result {
         let mut text = format!("{}: ", event.metadata().target());
-        for span in context.event_scope().into_iter().flat_map(|scope| scope.from_root()) {
+        for span in context.event_scope().into_iter().flat_map(Scope::from_root) {
             let extensions = span.extensions();
             let fields = extensions.get::<FormattedFields<N>>().map_or("", |fields| fields.fields.as_str());
-            text.push_str(&format!("{}{{{fields}}}: ", span.name()));
+            write!(text, "{}{{{fields}}}: ", span.name())?;
         }
         context.format_fields(Writer::new(&mut text), event)?;
         writeln!(out, "{}", marked(priority(*event.metadata().level()), &text))

@@ -92,16 +92,12 @@ impl Exit {
     }
 
     fn json(&self, report: &Report) -> Value {
-        let mut message = report.to_string();
-        for cause in causes(report) {
-            let _ = write!(message, ": {cause}");
-        }
         let Facts { code, axis, name, tick, reason } = &self.facts;
         error_object(
             code.as_deref().unwrap_or(code_name(self.code)),
             self.code,
             json!({ "axis": axis, "name": name, "tick": tick, "reason": reason }),
-            &message,
+            &in_words(report),
             report.help().map(|help| help.to_string()).as_deref(),
         )
     }
@@ -214,6 +210,21 @@ fn causes(report: &Report) -> impl Iterator<Item = String> {
     report.chain().skip(1).map(ToString::to_string).filter(move |cause| !message.contains(cause.as_str()))
 }
 
+/// The report without a drawing: the message, what stands behind it, and everything else that is wrong at once.
+fn in_words(report: &Report) -> String {
+    let mut words = report.to_string();
+    for cause in causes(report) {
+        let _ = write!(words, ": {cause}");
+    }
+    for other in report.related().into_iter().flatten() {
+        let _ = write!(words, "; {other}");
+        if let Some(help) = other.help() {
+            let _ = write!(words, " ({help})");
+        }
+    }
+    words
+}
+
 /// The report as it is drawn: in colours on a terminal that has them, within its width; for the journal, as plain text.
 fn drawn(report: &Report) -> String {
     struct Drawing<'a>(Box<dyn ReportHandler>, &'a dyn Diagnostic);
@@ -223,9 +234,8 @@ fn drawn(report: &Report) -> String {
         }
     }
     if journal::is_connected() {
-        let causes: String = causes(report).map(|cause| format!(": {cause}")).collect();
         let help = report.help().map(|help| format!("\nhelp: {help}")).unwrap_or_default();
-        return format!("{report}{causes}{help}");
+        return format!("{}{help}", in_words(report));
     }
     let mut how = MietteHandlerOpts::new();
     if let Some(columns) = std::env::var("COLUMNS").ok().and_then(|columns| columns.parse().ok()) {

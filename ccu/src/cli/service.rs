@@ -1,5 +1,5 @@
 //! A set as a service: what `ccu up` tells the service manager that has started it, over the socket named in
-//! `NOTIFY_SOCKET`, as in sd_notify(3). Without such a socket nothing is told. The set itself knows nothing of it.
+//! `NOTIFY_SOCKET`, as in `sd_notify(3)`. Without such a socket nothing is told. The set itself knows nothing of it.
 
 use std::time::Duration;
 

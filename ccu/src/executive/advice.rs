@@ -39,10 +39,7 @@ pub fn alarm(alarm: &Alarm) -> &'static str {
         Alarm::Braked => "find out why it was braked, then `ccu clear`",
         Alarm::EndOfRail(_) => "see what drove it there, then `ccu clear`, and move it away from that end",
         Alarm::ExcessiveForce => "take away what the axis pushes against, then `ccu clear`",
-        Alarm::SwitchNeverClosed(_) => {
-            "look at the limit switch and its cable, and whether the carriage moves; then `ccu clear`"
-        }
-        Alarm::SwitchNeverOpened(_) => {
+        Alarm::SwitchNeverClosed(_) | Alarm::SwitchNeverOpened(_) => {
             "look at the limit switch and its cable, and whether the carriage moves; then `ccu clear`"
         }
         Alarm::ReferenceNotFound(_) => {

@@ -25,16 +25,25 @@ fn told(bytes: &[u8]) -> (String, String) {
     (error.to_string().replace(&here, ""), drawn.replace(&here, ""))
 }
 
+/// Each is told with this message and this advice.
+fn are_told(cases: Vec<(Vec<u8>, &str, &str)>) {
+    for (bytes, message, advice) in cases {
+        let (said, drawn) = told(&bytes);
+        assert!(said.starts_with(message), "{message:?} is expected of {said:?}");
+        assert!(drawn.contains(advice), "no {advice:?} in\n{drawn}");
+    }
+}
+
+fn of(text: impl Into<String>) -> Vec<u8> {
+    text.into().into_bytes()
+}
+
 #[test]
-fn wrong_files_are_told_with_place_and_advice() {
-    let crlf = |text: &str| text.replace('\n', "\r\n");
-    let bom = |text: &str| format!("\u{feff}{text}");
-    let utf16: Vec<u8> = bom(AXIS).encode_utf16().flat_map(u16::to_le_bytes).collect();
+fn files_of_the_wrong_kind_are_told_with_place_and_advice() {
+    let utf16: Vec<u8> = format!("\u{feff}{AXIS}").encode_utf16().flat_map(u16::to_le_bytes).collect();
     let rubbish: Vec<u8> = (0..=250_u8).rev().collect();
     let latin = axis_and("# f").bytes().chain([0xFC]).chain(*b"r\n").collect::<Vec<u8>>();
-    let of = |text: String| text.into_bytes();
-    let twice = axis_and(AXIS);
-    for (bytes, message, advice) in [
+    are_told(vec![
         (of(String::new()), "cell.toml:1:1: axis: a set needs at least one axis", "ccu config show"),
         (of("# nothing\n".into()), "cell.toml:1:1: axis: a set needs at least one axis", "[[axis]]"),
         (of("axis = []\n".into()), "cell.toml:1:8: axis: a set needs at least one axis", "[[axis]]"),
@@ -55,6 +64,13 @@ fn wrong_files_are_told_with_place_and_advice() {
         ),
         (of(axis_with("\"a\"", "a")), "cell.toml:3:8: axis[0].name: this is not TOML: ", "strings in quotes"),
         (of(axis_with("name = ", "name ")), "cell.toml:3:6: axis[0]: this is not TOML: ", "key = value"),
+    ]);
+}
+
+#[test]
+fn slips_of_the_hand_are_told_with_place_and_advice() {
+    let crlf = |text: &str| text.replace('\n', "\r\n");
+    are_told(vec![
         (
             of(axis_with("[[axis]]", "[axis]")),
             "cell.toml:1:1: axis: a table stands where an array of tables is needed",
@@ -81,7 +97,7 @@ fn wrong_files_are_told_with_place_and_advice() {
             "1 to 7",
         ),
         (
-            of(bom(&axis_with("[[axis]]", "[[axes]]"))),
+            of(format!("\u{feff}{}", axis_with("[[axis]]", "[[axes]]"))),
             "cell.toml:1:3: axes: there is no key `axes` here",
             "did you mean `axis`?",
         ),
@@ -141,15 +157,11 @@ fn wrong_files_are_told_with_place_and_advice() {
             "the keys here are",
         ),
         (
-            of(twice),
+            of(axis_and(AXIS)),
             "cell.toml has 2 faults, at 7:11 axis[1].address, 8:8 axis[1].name",
             "give each a name of its own",
         ),
-    ] {
-        let (said, drawn) = told(&bytes);
-        assert!(said.starts_with(message), "{message:?} is expected of {said:?}");
-        assert!(drawn.contains(advice), "no {advice:?} in\n{drawn}");
-    }
+    ]);
 }
 
 #[test]
