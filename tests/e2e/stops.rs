@@ -91,7 +91,7 @@ fn a_halt_from_a_second_terminal_ends_a_waiting_move() {
     let waiting = cell.start("line left_x=30000 left_y=15000 --speed 4000");
     on_its_way(&cell);
     cell.ccu("brake").done();
-    waiting.end().fails(1, &["is in alarm: braked on command", "`ccu clear`; its position is kept"]);
+    waiting.end().fails(1, &["is in alarm at ", "s: braked on command", "`ccu clear`; its position is kept"]);
     let made = ["left_x", "left_y"].map(|axis| {
         let axis = cell.until(axis, "stands", |axis| axis["activity"] == "standing");
         axis["steps"].as_i64().expect("steps")

@@ -200,7 +200,7 @@ mod tests {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut visible(), "ccu", &mut script);
             let script = String::from_utf8(script).expect("UTF-8");
-            for known in ["origin", "completions", "time-scale", "powershell"] {
+            for known in ["origin", "completions", "time-scale"] {
                 assert!(script.contains(known), "{known} for {shell}");
             }
             for hidden in ["axis-worker", "recorder", "detached"] {

@@ -45,13 +45,13 @@ fn files_of_the_wrong_kind_are_told_with_place_and_advice() {
     let latin = axis_and("# f").bytes().chain([0xFC]).chain(*b"r\n").collect::<Vec<u8>>();
     are_told(vec![
         (of(String::new()), "cell.toml:1:1: axis: a set needs at least one axis", "ccu config show"),
-        (of("# nothing\n".into()), "cell.toml:1:1: axis: a set needs at least one axis", "[[axis]]"),
-        (of("axis = []\n".into()), "cell.toml:1:8: axis: a set needs at least one axis", "[[axis]]"),
+        (of("# nothing\n"), "cell.toml:1:1: axis: a set needs at least one axis", "[[axis]]"),
+        (of("axis = []\n"), "cell.toml:1:8: axis: a set needs at least one axis", "[[axis]]"),
         (utf16, "cell.toml:1:1: this is not UTF-8 text", "UTF-16"),
         (rubbish, "cell.toml:1:1: this is not UTF-8 text", "name a text file"),
         (latin, "cell.toml:6:4: axis[0]: this is not UTF-8 text", "saved as UTF-8"),
-        (of("{\"axis\": []}".into()), "cell.toml:1:1: this is not TOML: ", "key = value"),
-        (of("axis:\n  - address: 1\n".into()), "cell.toml:1:6: this is not TOML: ", "key = value"),
+        (of("{\"axis\": []}"), "cell.toml:1:1: this is not TOML: ", "key = value"),
+        (of("axis:\n  - address: 1\n"), "cell.toml:1:6: this is not TOML: ", "key = value"),
         (
             of(axis_with("\"a\"", "\"a\0\"")),
             "cell.toml:3:10: axis[0].name: this is not TOML: there is the control character U+0000",
