@@ -320,7 +320,10 @@ impl Births<'_> {
         let cannot = |source| StartError::Io { what: "start the recorder", source };
         let (told, ended) = std::sync::mpsc::channel();
         // Whoever has its last words asks for the status; before that, nobody may.
-        let mut process = Process::start(arguments, move |status| drop(told.send(status))).map_err(cannot)?;
+        let tell = move |status| {
+            let _ = told.send(status);
+        };
+        let mut process = Process::start(arguments, tell).map_err(cannot)?;
         let first = process.line(BIRTH).and_then(|line| serde_json::from_str(&line).ok());
         match first {
             Some(Said::Ready) => {}

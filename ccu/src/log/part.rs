@@ -58,10 +58,12 @@ impl Part {
             mcap.flush()?;
             Ok((mcap, channels))
         };
-        let (mcap, channels) = begin().map_err(|error| {
+        let begun = begin().map_err(|error| failed(path, error)).and_then(|begun| {
+            if ledger.is_full() { Err(LogError::Full { path: path.to_owned() }) } else { Ok(begun) }
+        });
+        let (mcap, channels) = begun.inspect_err(|_| {
             // It was made just now, and holds nothing.
             let _ = fs::remove_file(path);
-            LogError::Write { path: path.to_owned(), error }
         })?;
         Ok(Self { path: path.to_owned(), mcap, channels, ledger, began })
     }
