@@ -20,8 +20,8 @@ use mcap::{MessageStream, WriteOptions};
 use supersigma_config::Config;
 use supersigma_protocol::bus::Lane;
 use supersigma_protocol::{
-    About, Activity, Answer, AxisNumber, AxisReport, Body, Command, Direction, Distance, Frame,
-    Occasion, Operation, Position, Report, Sender, SensePoint, Sequence, StatusWord, Steps, Tick,
+    About, Activity, Answer, AxisNumber, AxisReport, Body, Command, Direction, Distance, Frame, Occasion,
+    Operation, Pace, Position, Report, Sender, SensePoint, Sequence, StatusWord, Steps, Tick, Ticks,
 };
 
 const FRAMES: u64 = 200_000;
@@ -55,7 +55,8 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     let log = measure("this log: raw frames and JSON twins", || write_ours(&ours, &frames))?;
     let (twinned, topics) = messages(&ours)?;
-    let raw: Vec<&Raw> = twinned.iter().filter(|raw| topics[usize::from(raw.channel)] == "/microbus").collect();
+    let raw: Vec<&Raw> =
+        twinned.iter().filter(|raw| topics[usize::from(raw.channel)] == "/microbus").collect();
     assert_eq!(raw.len() as u64, FRAMES);
     let all: Vec<&Raw> = twinned.iter().collect();
     let direct = folder.path().join("direct.mcap");
@@ -112,7 +113,8 @@ fn traffic() -> Vec<(Lane, Tick, Vec<u8>)> {
         let turn = usize::try_from(number).unwrap_or(0);
         let axis = AxisNumber::all().nth(turn % AxisNumber::COUNT).expect("1 to 7");
         if number % 10 == 0 {
-            let distance = Distance::new(u16::try_from(1 + number % 60_000).unwrap_or(1)).unwrap_or(Distance::MAX);
+            let distance =
+                Distance::new(u16::try_from(1 + number % 60_000).unwrap_or(1)).unwrap_or(Distance::MAX);
             let operation = Operation::Move { direction: Direction::Forward, distance };
             let body = Body::Command(Command::new(axis.address(), operation).into());
             return (Lane::Commands, Frame { sender: Sender::Ccu, sequence: next(0), tick, body });
@@ -120,7 +122,7 @@ fn traffic() -> Vec<(Lane, Tick, Vec<u8>)> {
         let position = i32::try_from(number * 37 % 60_000).unwrap_or(0);
         let body = Body::Answer(Answer {
             card: axis.address(),
-            about: About::Unasked(if number % 3 == 0 { Occasion::Heartbeat } else { Occasion::Changed }),
+            about: About::Unasked(if number % 3 == 0 { Occasion::Changed } else { Occasion::Sampled }),
             acted_at: Tick(tick.0.saturating_sub(3)),
             report: Report::Axis(AxisReport {
                 sense: StatusWord::default().with(SensePoint::X4, number % 5 == 0),
@@ -129,6 +131,8 @@ fn traffic() -> Vec<(Lane, Tick, Vec<u8>)> {
                 activity: if number % 5 == 0 { Activity::Standing } else { Activity::Cruising },
                 alarm: None,
                 lost: None,
+                pace: (number % 5 != 0)
+                    .then_some(Pace { period: Ticks(132 + number % 2_900), direction: Direction::Forward }),
             }),
         });
         let sequence = next(1 + axis.index());

@@ -145,6 +145,8 @@ pub struct LogConfig {
     /// Real milliseconds after which what was recorded is on disk, readable.
     #[schemars(range(min = 1))]
     pub flush_ms: u32,
+    /// Milliseconds of machine time from one report of a moving axis' position and speed to the next; 0 for none.
+    pub sample_ms: u32,
     /// What follows when frames are missing in the log.
     pub on_loss: OnLoss,
     /// The length in megabytes, 0.1 or more, at which the log goes on in another file. Without it, length does not matter.
@@ -159,7 +161,7 @@ pub struct LogConfig {
 
 impl Default for LogConfig {
     fn default() -> Self {
-        Self { flush_ms: 100, on_loss: OnLoss::Warn, rotate_mb: None, rotate_min: None }
+        Self { flush_ms: 100, sample_ms: 10, on_loss: OnLoss::Warn, rotate_mb: None, rotate_min: None }
     }
 }
 

@@ -129,7 +129,10 @@ fn the_recorder_is_killed_and_nothing_moves_without_a_log() {
     }
     cell.ccu("clear").done();
     for line in ["move left_x 10", "line left_x=10 left_y=10", "origin", "output lamp on"] {
-        cell.ccu(line).fails(1, &["the recorder is gone (signal: 9 (SIGKILL))", "; nothing moves without a log", "free space"]);
+        cell.ccu(line).fails(
+            1,
+            &["the recorder is gone (signal: 9 (SIGKILL))", "; nothing moves without a log", "free space"],
+        );
     }
     let status = cell.ccu("status").good();
     assert!(status.stdout.contains("NO LOG ANY MORE, was "), "{status}");

@@ -37,7 +37,8 @@ fn flood(cell: &Cell, card: u8, times: usize) {
     let mut socket = UnixStream::connect(cell.runtime().join("control.sock")).expect("the daemon listens");
     let mut answers = BufReader::new(socket.try_clone().expect("a socket")).lines();
     for _ in 0..times {
-        writeln!(socket, "{}", json!({ "do": { "send": { "bytes": [card, 5] } } })).expect("the daemon reads");
+        writeln!(socket, "{}", json!({ "do": { "send": { "bytes": [card, 5] } } }))
+            .expect("the daemon reads");
         let answer = answers.next().expect("the daemon answers").expect("a line");
         assert!(answer.contains("answers"), "{answer}");
     }
@@ -97,7 +98,8 @@ fn a_gap_in_the_log_is_counted_and_told_and_motion_goes_on() {
     assert!(said.contains("frames are missing from the log sender=CCU"), "{said}");
     // The log tells the truth about itself: what is missing in its numbers is what its events say.
     let frames = cell.frames(&up.log);
-    let holes: u64 = numbers(&frames).values().map(|numbers| numbers[numbers.len() - 1] + 1 - numbers.len() as u64).sum();
+    let holes: u64 =
+        numbers(&frames).values().map(|numbers| numbers[numbers.len() - 1] + 1 - numbers.len() as u64).sum();
     assert_eq!((frames.len() as u64, holes), (logged, missing));
     let bytes = fs::read(&up.log).expect("the log");
     let told = mcap::MessageStream::new(&bytes)
@@ -105,7 +107,9 @@ fn a_gap_in_the_log_is_counted_and_told_and_motion_goes_on() {
         .map(|message| message.expect("whole"))
         .filter(|message| message.channel.topic == "/events")
         .map(|message| serde_json::from_slice::<Value>(&message.data).expect("JSON"))
-        .filter(|event| event["message"].as_str().is_some_and(|text| text.contains("are missing from the log")))
+        .filter(|event| {
+            event["message"].as_str().is_some_and(|text| text.contains("are missing from the log"))
+        })
         .map(|event| {
             assert_eq!(event["level"], 4, "{event}");
             let text = event["message"].as_str().expect("text");
@@ -177,7 +181,9 @@ fn a_killed_recorder_has_lost_the_last_moment_only() {
     let bus = SharedBus::join(&Place::new(cell.runtime()).expect("short enough")).expect("the bus");
     let mut tap = bus.tap().expect("room for a tap");
     cell.ccu("origin left_x left_y").done();
-    for line in ["move left_x 60000 --speed 4000 --no-wait", "move left_y 20000 --constant --speed 650 --no-wait"] {
+    for line in
+        ["move left_x 60000 --speed 4000 --no-wait", "move left_y 20000 --constant --speed 650 --no-wait"]
+    {
         cell.ccu(line).done();
     }
     cell.until("left_x", "at its speed", |axis| axis["activity"] == "cruising");
@@ -219,7 +225,11 @@ fn a_killed_recorder_has_lost_the_last_moment_only() {
     let missing = seen.iter().filter(|frame| !read.contains(&(frame.sender, frame.sequence)));
     let oldest = missing.map(|frame| frame.tick).min().unwrap_or(killed);
     let lost_ms = killed.0.saturating_sub(oldest.0) / (Tick::PER_SECOND / 1000);
-    println!("{} frames seen, {} read; the oldest that is lost is {lost_ms} ms older than the kill", seen.len(), read.len());
+    println!(
+        "{} frames seen, {} read; the oldest that is lost is {lost_ms} ms older than the kill",
+        seen.len(),
+        read.len()
+    );
     // 100 ms by configuration; the rest is what a busy machine may take to run the recorder, and to notice its end.
     assert!(lost_ms <= 100 + 400, "{lost_ms} ms");
     assert!(read.len() > 400);
@@ -260,11 +270,12 @@ fn a_file_that_may_not_grow_is_closed_and_nothing_moves() {
     cell.ccu("move left_x 60000 --speed 4000 --no-wait").done();
     cell.until("left_x", "at its speed", |axis| axis["activity"] == "cruising");
     let pid = i32::try_from(cell.recorder().pid).ok().and_then(Pid::from_raw).expect("a process number");
-    let limit = Some(fs::metadata(&up.log).expect("the log").len() + 10_000);
-    prlimit(Some(pid), Resource::Fsize, Rlimit { current: limit, maximum: limit }).expect("our own process");
+    let limit = fs::metadata(&up.log).expect("the log").len() + 10_000;
+    prlimit(Some(pid), Resource::Fsize, Rlimit { current: Some(limit), maximum: Some(limit) })
+        .expect("our own process");
     flood(&cell, 1, 2_000);
     nothing_moves(&cell, &up.log, &["cannot write the log", "cell.mcap: File too large", " frames in "]);
-    assert!(fs::metadata(&up.log).expect("the log").len() <= limit.expect("set above"));
+    assert!(fs::metadata(&up.log).expect("the log").len() <= limit);
     let down = cell.ccu("down").good();
     assert!(down.stdout.contains(" sent, unknown logged"), "{down}");
     cell.assert_nothing_left();
@@ -278,7 +289,11 @@ fn a_full_disk_is_noticed_while_there_is_room_for_the_end() {
     fs::create_dir(&disk).expect("a folder");
     let mounted = "mount -t tmpfs -o size=6m tmpfs disk";
     let possible = geteuid().is_root()
-        && Command::new("unshare").args(["-m", "sh", "-c", mounted]).current_dir(cell.path("")).status().is_ok_and(|status| status.success());
+        && Command::new("unshare")
+            .args(["-m", "sh", "-c", mounted])
+            .current_dir(cell.path(""))
+            .status()
+            .is_ok_and(|status| status.success());
     if !possible {
         println!("skipped: mounting a small disk needs root, unshare and mount");
         return;
@@ -302,7 +317,8 @@ fn a_full_disk_is_noticed_while_there_is_room_for_the_end() {
     cell.ccu("origin left_x").done();
     cell.ccu("move left_x 60000 --speed 4000 --no-wait").done();
     cell.until("left_x", "at its speed", |axis| axis["activity"] == "cruising");
-    let daemon = cell.processes().into_iter().find(|process| process.has(&["up", "--detached"])).expect("the daemon");
+    let daemon =
+        cell.processes().into_iter().find(|process| process.has(&["up", "--detached"])).expect("the daemon");
     let disk = PathBuf::from(format!("/proc/{}/root{}", daemon.pid, disk.display()));
     let mut filler = File::create(disk.join("filler")).expect("there is room yet");
     while filler.write_all(&[0; 4096]).is_ok() {}
@@ -319,7 +335,9 @@ fn a_full_disk_is_noticed_while_there_is_room_for_the_end() {
     assert!(summary.stats.expect("with statistics").message_count > 0);
     let frames = cell.frames(&log);
     assert!(frames.iter().any(|frame| frame["operation"] == "Brake"));
-    assert!(frames.iter().any(|frame| frame["axis"] == 1 && frame["alarm"]["cause"] == "braked" && frame["activity"] == "standing"));
+    assert!(frames.iter().any(|frame| frame["axis"] == 1
+        && frame["alarm"]["cause"] == "braked"
+        && frame["activity"] == "standing"));
     cell.ccu("down").done();
     cell.assert_nothing_left();
 }
@@ -343,7 +361,8 @@ fn where_no_log_can_be_nothing_is_started() {
         let closed = cell.path("closed");
         fs::create_dir(&closed).expect("a folder");
         fs::set_permissions(&closed, fs::Permissions::from_mode(0o500)).expect("our own");
-        up(&closed.join("run.mcap")).fails(1, &["cannot create the log", "Permission denied", "may write to"]);
+        up(&closed.join("run.mcap"))
+            .fails(1, &["cannot create the log", "Permission denied", "may write to"]);
     }
     cell.assert_nothing_left();
     cell.ccu("up --log-rotate 10parsecs").fails(2, &["100MB, 2GB, 10min, 1h"]);

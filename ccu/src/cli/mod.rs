@@ -173,7 +173,7 @@ struct StartArgs {
     /// The log; must not exist yet [default: a new file in ~/.local/state/supersigma]
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
-    /// Go on in another file when one is so long, or so old: 100MB, 2GB, 10min, 1h (see log.rotate_mb, log.rotate_min)
+    /// Go on in another file when one is so long, or so old: 100MB, 2GB, 10min, 1h
     #[arg(long, value_name = "SIZE|TIME")]
     log_rotate: Option<set::LogRotate>,
     /// How many times faster than real time

@@ -115,13 +115,19 @@ pub fn record(args: &RecorderArgs) -> miette::Result<bool> {
     mouth.say(Said::Ready);
     let clock = Clock::new(Monotonic::from_nanos(args.epoch), args.time_scale);
     let mut last = RecorderStatus::default();
-    let recorded = run(tap, writer, || clock.now(), &stop, |status| {
-        mouth.mention(Said::Status(status.clone()));
-        if status.full && !last.full {
-            mouth.say(Said::Failed { cause: Cause::DiskFull, trouble: no_room(&status.log) });
-        }
-        last = status.clone();
-    });
+    let recorded = run(
+        tap,
+        writer,
+        || clock.now(),
+        &stop,
+        |status| {
+            mouth.mention(Said::Status(status.clone()));
+            if status.full && !last.full {
+                mouth.say(Said::Failed { cause: Cause::DiskFull, trouble: no_room(&status.log) });
+            }
+            last = status.clone();
+        },
+    );
     match recorded {
         Ok(summary) => {
             mouth.say(Said::Done(summary));
@@ -218,8 +224,9 @@ fn trouble_on_the_way(error: &LogError, log: &LogSummary) -> LogTrouble {
 fn told_with(what: &str, log: &LogSummary) -> LogTrouble {
     LogTrouble {
         reason: format!("{what}: {} frames in {} bytes are in it, whole and readable", log.frames, log.bytes),
-        advice: "make room on that disk, or choose another one with --log; then take the set down and up again"
-            .to_owned(),
+        advice:
+            "make room on that disk, or choose another one with --log; then take the set down and up again"
+                .to_owned(),
     }
 }
 

@@ -122,7 +122,9 @@ impl Recording {
         }
         let log = self.log.display();
         match ear.on_loss {
-            OnLoss::Warn => tracing::error!(lost, log = %log, "frames are missing from the log; motion goes on"),
+            OnLoss::Warn => {
+                tracing::error!(lost, log = %log, "frames are missing from the log; motion goes on");
+            }
             OnLoss::Stop => {
                 let trouble = LogTrouble {
                     reason: format!("{lost} frames are missing from the log {log} (log.on_loss is \"stop\")"),
@@ -165,7 +167,11 @@ impl Recording {
             now.trouble = Some(trouble.clone());
         }
         if !(ear.leaving)() {
-            tracing::error!("{}; all axes brake, and nothing moves without a log; {}", trouble.reason, trouble.advice);
+            tracing::error!(
+                "{}; all axes brake, and nothing moves without a log; {}",
+                trouble.reason,
+                trouble.advice
+            );
             (ear.no_log)(trouble);
         }
     }

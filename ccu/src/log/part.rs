@@ -46,7 +46,7 @@ impl Part {
     ) -> Result<Self, LogError> {
         let file = LogFile::create(path)?;
         let ledger = file.ledger();
-        let begin = move || -> Result<_, McapError> {
+        let preamble = move || -> Result<_, McapError> {
             let mut mcap = WriteOptions::new()
                 .profile(METADATA_NAME)
                 // One thread is plenty for a bus.
@@ -58,10 +58,10 @@ impl Part {
             mcap.flush()?;
             Ok((mcap, channels))
         };
-        let begun = begin().map_err(|error| failed(path, error)).and_then(|begun| {
-            if ledger.is_full() { Err(LogError::Full { path: path.to_owned() }) } else { Ok(begun) }
+        let ready = preamble().map_err(|error| failed(path, error)).and_then(|ready| {
+            if ledger.is_full() { Err(LogError::Full { path: path.to_owned() }) } else { Ok(ready) }
         });
-        let (mcap, channels) = begun.inspect_err(|_| {
+        let (mcap, channels) = ready.inspect_err(|_| {
             // It was made just now, and holds nothing.
             let _ = fs::remove_file(path);
         })?;
@@ -92,11 +92,7 @@ impl Part {
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub(super) fn axis(
-        &mut self,
-        axis: AxisNumber,
-        header: &LogHeader,
-    ) -> Result<u16, LogError> {
+    pub(super) fn axis(&mut self, axis: AxisNumber, header: &LogHeader) -> Result<u16, LogError> {
         self.channels.axis(axis, &mut self.mcap, header).map_err(|error| failed(&self.path, error))
     }
 

@@ -112,7 +112,8 @@ impl LogWriter {
         // The hold-back, its allowance for clocks that disagree, and a caller's poll together must fit into `flush`.
         let quarter = flush / 4;
         let hold = scale.ticks(HOLD_BACK.min(quarter));
-        let counts = LogSummary { parts: vec![path.to_owned()], bytes: part.bytes(), ..LogSummary::default() };
+        let counts =
+            LogSummary { parts: vec![path.to_owned()], bytes: part.bytes(), ..LogSummary::default() };
         Ok(Self {
             path: path.to_owned(),
             part,
@@ -258,7 +259,10 @@ impl LogWriter {
         let previous = self.part.path().file_name().map(|name| name.to_string_lossy().into_owned());
         let next = loop {
             self.number += 1;
-            let place = PartPlace { number: u32::try_from(self.counts.parts.len()).unwrap_or(u32::MAX).saturating_add(1), previous: previous.clone() };
+            let place = PartPlace {
+                number: u32::try_from(self.counts.parts.len()).unwrap_or(u32::MAX).saturating_add(1),
+                previous: previous.clone(),
+            };
             match Part::create(&part_path(&self.path, self.number), &self.header, &place, now) {
                 Ok(next) => break next,
                 // Somebody else's, and precious.

@@ -236,7 +236,10 @@ fn a_part_of_the_log_is_not_too_small() {
     ] {
         breaks(
             &axis_and(&format!("[log]\n{key} = {value}\n")),
-            &format!("set.toml:7:{}: log.{key}: a part of the log has {least}; leave the key out to have one file", key.len() + 4),
+            &format!(
+                "set.toml:7:{}: log.{key}: a part of the log has {least}; leave the key out to have one file",
+                key.len() + 4
+            ),
             "goes on in another file",
         );
     }
