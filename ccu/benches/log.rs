@@ -224,7 +224,7 @@ fn read_ours(path: &Path) -> Result<u64, Box<dyn Error>> {
 
 fn read_directly(path: &Path) -> Result<u64, Box<dyn Error>> {
     let bytes = fs::read(path)?;
-    let count = MessageStream::new(&bytes)?.filter(Result::is_ok).count();
+    let count = MessageStream::new(&bytes)?.flatten().count();
     assert!(count as u64 >= FRAMES);
     Ok(bytes.len() as u64)
 }
