@@ -40,9 +40,9 @@ struct Told {
     alarm: Option<Alarm>,
 }
 
-impl From<&AxisReport> for Told {
-    fn from(report: &AxisReport) -> Self {
-        Self { sense: report.sense, activity: report.activity, alarm: report.alarm }
+impl Told {
+    fn now(firmware: &Firmware, board: &Board) -> Self {
+        Self { sense: firmware.sense_word(board), activity: firmware.activity(), alarm: firmware.alarm() }
     }
 }
 
@@ -53,8 +53,8 @@ impl Axis {
     /// If the ramp does not give a table, or the motor cannot be.
     pub fn new(axis: &AxisConfig, ramp: &RampConfig) -> Result<Self, AxisError> {
         let firmware = Firmware::new(axis, ramp)?;
-        let mut board = Board::new(Mechanism::new(axis)?);
-        let told = Told::from(&firmware.report(&mut board));
+        let board = Board::new(Mechanism::new(axis)?);
+        let told = Told::now(&firmware, &board);
         Ok(Self { number: axis.address, firmware, board, told })
     }
 
@@ -135,21 +135,25 @@ impl Axis {
 
     /// The state now, to be sent: what it says need not be told again.
     pub fn report(&mut self) -> AxisReport {
-        let report = self.firmware.report(&mut self.board);
-        self.told = Told::from(&report);
-        report
+        self.told = Told::now(&self.firmware, &self.board);
+        self.firmware.report(&mut self.board)
+    }
+
+    /// Whether it is on its way: not standing, not waiting for a start.
+    #[must_use]
+    pub fn is_under_way(&self) -> bool {
+        !matches!(self.firmware.activity(), Activity::Standing | Activity::Armed)
     }
 
     fn tell_changes(&mut self, sink: &mut impl Sink) {
-        let report = self.firmware.report(&mut self.board);
-        let news = Told::from(&report);
+        let news = Told::now(&self.firmware, &self.board);
         if news != self.told {
             self.told = news;
             sink.answer(Answer {
                 card: self.number.address(),
                 about: About::Unasked(Occasion::Changed),
                 acted_at: self.board.now(),
-                report: Report::Axis(report),
+                report: Report::Axis(self.firmware.report(&mut self.board)),
             });
         }
     }

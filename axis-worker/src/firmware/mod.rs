@@ -263,23 +263,17 @@ impl Firmware {
     /// The state that the card reports.
     #[must_use]
     pub fn report(&self, board: &mut Board) -> AxisReport {
-        let (activity, made) = match &self.state {
-            State::Standing => (Activity::Standing, Steps(0)),
-            State::Armed(_) => (Activity::Armed, Steps(0)),
-            State::Settling(_) => (Activity::Settling, Steps(0)),
-            State::Zeroing(search, _) => (search.activity(), Steps(0)),
-            State::Moving(movement) => {
-                (movement.phase().map_or(Activity::Standing, Activity::from), Steps(0))
-            }
-            State::Searching(search, _) => (search.activity(), search.made),
+        let made = match &self.state {
+            State::Searching(search, _) => search.made,
+            _ => Steps(0),
         };
-        let (steps, position) = match &self.state {
+        let (steps, position, pace) = match &self.state {
             State::Standing | State::Armed(_) | State::Settling(_) | State::Zeroing(..) => {
-                (self.steps, self.base)
+                (self.steps, self.base, None)
             }
             State::Moving(movement) | State::Searching(_, movement) => {
-                let steps = movement.steps(board);
-                (made + steps, self.base.map(|base| movement.position(base, board)))
+                let position = self.base.map(|base| movement.position(base, board));
+                (made + movement.steps(board), position, movement.pace(board))
             }
         };
         let (steps, position) = match (&self.servo, &self.state) {
@@ -291,16 +285,46 @@ impl Firmware {
             }
             _ => (steps, position),
         };
+        AxisReport {
+            sense: self.sense_word(board),
+            steps,
+            position,
+            activity: self.activity(),
+            alarm: self.alarm,
+            lost: self.lost,
+            pace,
+        }
+    }
+
+    /// X1..X5. Open loop: X4 says that no pulse train is being made, and X5 is never claimed, for nothing measures speed.
+    /// Closed loop: a movement is over when the target has been reached, and X5 says that the shaft is slower than S1.
+    #[must_use]
+    pub fn sense_word(&self, board: &Board) -> StatusWord {
         let detectors = board.detectors();
-        // Open loop: X4 says that no pulse train is being made, and X5 is never claimed, for nothing measures speed. Closed
-        // loop: a movement is over when the target has been reached, and X5 says that the shaft is slower than S1.
-        let sense = StatusWord::default()
+        StatusWord::default()
             .with(SensePoint::X1, detectors.lower)
             .with(SensePoint::X2, detectors.upper)
             .with(SensePoint::X3, detectors.reference)
             .with(SensePoint::X4, matches!(self.state, State::Standing | State::Armed(_)))
-            .with(SensePoint::X5, self.servo.is_some() && detectors.slow);
-        AxisReport { sense, steps, position, activity, alarm: self.alarm, lost: self.lost }
+            .with(SensePoint::X5, self.servo.is_some() && detectors.slow)
+    }
+
+    /// What the axis is doing.
+    #[must_use]
+    pub fn activity(&self) -> Activity {
+        match &self.state {
+            State::Standing => Activity::Standing,
+            State::Armed(_) => Activity::Armed,
+            State::Settling(_) => Activity::Settling,
+            State::Moving(movement) => movement.phase().map_or(Activity::Standing, Activity::from),
+            State::Searching(search, _) | State::Zeroing(search, _) => search.activity(),
+        }
+    }
+
+    /// What holds the axis.
+    #[must_use]
+    pub fn alarm(&self) -> Option<Alarm> {
+        self.alarm
     }
 
     /// The axis' ramp.

@@ -14,7 +14,7 @@
 //!   writes      ▲ load               ▲ fire
 //! ```
 
-use supersigma_protocol::{Count, Direction, Position, Steps, Tick, Ticks};
+use supersigma_protocol::{Count, Direction, Pace, Position, Steps, Tick, Ticks};
 
 use crate::board::{Board, Sink};
 use crate::ramp::{Phase, REACTION, Schedule, Stop, Table};
@@ -91,6 +91,13 @@ impl Movement {
     /// Where the axis is by now, if it began at `start`.
     pub(super) fn position(&self, start: Position, board: &mut Board) -> Position {
         self.schedule.position_after(start, self.steps(board))
+    }
+
+    /// How fast it goes; `None` once the last pulse has come.
+    pub(super) fn pace(&self, board: &mut Board) -> Option<Pace> {
+        let next = self.steps(board).0 + 1;
+        (next <= self.schedule.total().0)
+            .then(|| Pace { period: Ticks(self.period(next)), direction: self.schedule.direction_of(next) })
     }
 
     /// What the axis does now.

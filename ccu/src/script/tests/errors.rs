@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme};
-use supersigma_protocol::{Alarm, AxisNumber, Position, Refusal, Steps};
+use supersigma_protocol::{Alarm, AxisNumber, Fault, Position, Refusal, Steps};
 
 use super::bench::Rig;
 use crate::executive::Failure;
@@ -236,7 +236,7 @@ fn what_is_caught_and_thrown_on_is_what_it_was() {
 fn an_alarm_ends_a_movement_and_can_be_caught() {
     let alarmed = || {
         let rig = Rig::ready();
-        rig.later(500, |bench, tick| bench.emergency = Some((tick, axis(1), Alarm::ExcessiveForce)));
+        rig.later(500, |bench, tick| bench.emergency = Some((tick, axis(1), Fault::Force)));
         rig
     };
     let rig = alarmed();
