@@ -149,7 +149,7 @@ impl Words {
         self
     }
 
-    pub(super) fn style(&self) -> TextStyle<'static> {
+    pub(super) fn style(&self) -> TextStyle<'_> {
         let style = if self.bold { FontStyle::Bold } else { FontStyle::Normal };
         let font = FontDesc::new(FontFamily::SansSerif, self.size * f64::from(FINE) * TEXT_FACTOR, style);
         let font = if self.upright { font } else { font.transform(FontTransform::Rotate270) };

@@ -2,7 +2,7 @@
 //! samples nothing is known.
 
 use supersigma_protocol::{
-    Activity, Alarm, Answer, AxisNumber, AxisReport, Body, CardKind, Fault, Frame, Position, Report,
+    Activity, Alarm, Answer, AxisNumber, AxisReport, Body, CardKind, Fault, Frame, Pace, Position, Report,
     StatusWord, Tick,
 };
 
@@ -42,8 +42,8 @@ impl Sample {
 }
 
 /// Steps per second at the tick of a report, negative towards the origin; 0 at rest.
-pub(super) fn speed(_report: &AxisReport) -> f64 {
-    0.0
+pub(super) fn speed(report: &AxisReport) -> f64 {
+    report.pace.map_or(0.0, Pace::steps_per_second)
 }
 
 /// Whether an axis that does this moves.
