@@ -18,7 +18,7 @@ use supersigma_protocol::Ticks;
 
 use super::asked::Asked;
 use super::exit::Exit;
-use super::{SetArgs, StartArgs, config, set, show};
+use super::{SetArgs, StartArgs, config, set, show, timing};
 use crate::control::{Client, DownReport};
 use crate::daemon::{Daemon, Options};
 use crate::dry::{DryError, DrySet, NoPulses, PulseCsv, PulseWriter};
@@ -49,6 +49,9 @@ pub(super) struct RunArgs {
     /// Write every pulse of a dry run: tick,axis,position
     #[arg(long, value_name = "FILE", requires = "dry_run")]
     pulses: Option<PathBuf>,
+    /// Draw a dry run, movements and digital lines as bars: .svg or .png
+    #[arg(long, value_name = "FILE", requires = "dry_run")]
+    plot: Option<PathBuf>,
     /// One JSON object a movement, print or summary
     #[arg(long)]
     json: bool,
@@ -85,6 +88,7 @@ fn source(args: &RunArgs) -> Result<(String, String), Exit> {
 }
 
 fn dry_run(args: &RunArgs, program: &Program, source: String) -> Result<(), Exit> {
+    args.plot.as_deref().map_or(Ok(()), timing::check_name)?;
     let config = config::load(args.start.config.as_deref())?;
     let header = LogHeader {
         set: args.set.name.to_string(),
@@ -121,13 +125,19 @@ fn run_dry<P: PulseWriter + Send + 'static>(
     let operator = Arc::new(Mutex::new(Executive::new(set)));
     let teller = Teller::new(args.json, &knowledge);
     let totals = teller.totals();
-    let result = program.run(Arc::clone(&operator), knowledge, teller, &Limits::default());
+    let result = program.run(Arc::clone(&operator), Arc::clone(&knowledge), teller, &Limits::default());
     let executive =
         Arc::into_inner(operator).ok_or_else(|| Exit::could_not(miette!("the dry set is still held")))?;
     let set = executive.into_inner().unwrap_or_else(PoisonError::into_inner).into_link();
+    let timing = set.timing();
     let elapsed = set.elapsed();
     let log = args.start.log.as_ref();
     let (pulses, summary) = set.finish().map_err(|error| dry_error(&error))?;
+    // How far a program came that failed is worth seeing, too.
+    timing::tell(&timing, &knowledge.config, args.json)?;
+    if let Some(path) = &args.plot {
+        timing::draw(&timing, &knowledge.config, program.name(), path)?;
+    }
     result?;
     let log = log.zip(summary).map(|(path, summary)| DownReport {
         log: path.clone(),

@@ -31,7 +31,11 @@ pub fn gantt(timing: &Timing, subject: &Subject<'_>) -> Result<Picture, PlotErro
     let head = Head { title: subject.title, subtitle: subject.subtitle, legend: legend(timing) };
     let above = head.height(WIDTH);
     let tall = above + HEADING + height(timing, subject) + LABELS + 8.0;
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "seven axes and thirty-two lines")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "seven axes and thirty-two lines"
+    )]
     let size = Size { width: WIDTH, height: tall.ceil() as u32 };
     picture(size, subject.title, |root| {
         head.draw(root, size.width)?;
@@ -174,7 +178,7 @@ fn draw_bar(bar: &Bar, window: Window, middle: f64, chart: &Chart<'_, '_>) -> Dr
         None => "",
     };
     let text = format!("{sign}{}", number(f64::from(bar.steps.0), 0));
-    let room = wide - if ending.is_some() { 10.0 } else { 4.0 };
+    let room = wide - if ending.is_some() { 8.0 } else { 1.0 };
     if width(&text, 10.5) <= room {
         let ink = if matches!(bar.kind, Kind::Origin | Kind::Reference) { INK } else { WHITE };
         let at = (seconds(bar.begin.max(window.from)), middle);
@@ -200,4 +204,3 @@ fn name(kind: Kind) -> &'static str {
         Kind::Reference => "search for the reference step",
     }
 }
-

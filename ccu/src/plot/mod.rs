@@ -177,3 +177,6 @@ pub enum PlotError {
     #[error("cannot draw: {0}")]
     Draw(String),
 }
+
+#[cfg(test)]
+mod tests;

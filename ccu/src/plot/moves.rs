@@ -10,8 +10,8 @@ use supersigma_config::AxisConfig;
 use supersigma_protocol::{Alarm, AxisNumber, SensePoint, Tick};
 
 use super::sheet::{
-    ALARM, Area, Chart, DrawError, Drawn, Entry, FAINT, Frame, GREY, HEADING, Head, LABELS, NARROWEST, NO_LABELS,
-    Words, color, dashes, picture, polyline, px, rectangle, stroke, width,
+    ALARM, Area, Chart, DrawError, Drawn, Entry, FAINT, Frame, GREY, HEADING, Head, LABELS, NARROWEST,
+    NO_LABELS, Words, color, dashes, picture, polyline, px, rectangle, stroke, width,
 };
 use super::trace::{AxisTrace, Sample, Trace, Window, seconds};
 use super::{Picture, PlotError, Size, Subject, What, gantt, plane};
@@ -48,7 +48,11 @@ pub fn moves(trace: &Trace, timing: &Timing, shown: &Shown<'_>) -> Result<Pictur
     what.dedup();
     let legend = match what.as_slice() {
         [What::Timing] => gantt::legend(timing),
-        _ => view.axes.iter().map(|trace| Entry::line(subject.names.of(trace.axis), color(trace.axis))).collect(),
+        _ => view
+            .axes
+            .iter()
+            .map(|trace| Entry::line(subject.names.of(trace.axis), color(trace.axis)))
+            .collect(),
     };
     let head = Head { title: subject.title, subtitle: subject.subtitle, legend };
     let last_in_time = what.iter().rposition(|what| *what != What::Plane);
@@ -77,7 +81,11 @@ struct Panel {
 }
 
 /// The picture's size and the panels' heights in it.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some thousands of pixels at most")]
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "some thousands of pixels at most"
+)]
 fn layout(head: &Head<'_>, panels: &[Panel], asked: Option<Size>) -> Result<(Size, Vec<f64>), PlotError> {
     let width = asked.map_or(WIDTH, |size| size.width);
     let (above, below) = (head.height(width), 8.0);
@@ -89,7 +97,8 @@ fn layout(head: &Head<'_>, panels: &[Panel], asked: Option<Size>) -> Result<(Siz
     };
     let room = f64::from(asked.height) - above - below;
     if asked.width < NARROWEST || room < least {
-        let needed = Size { width: NARROWEST.max(asked.width), height: (above + least + below).ceil() as u32 };
+        let needed =
+            Size { width: NARROWEST.max(asked.width), height: (above + least + below).ceil() as u32 };
         return Err(PlotError::TooSmall { asked, needed });
     }
     // What there is above the least goes to those that can use it.
@@ -220,9 +229,11 @@ impl View<'_> {
     }
 
     fn group<'a>(&'a self, trace: &'a AxisTrace) -> Group<'a> {
-        let faults = self.trace.faults.iter().filter(|(tick, axis, _)| {
-            *axis == trace.axis && self.window.holds(*tick)
-        });
+        let faults = self
+            .trace
+            .faults
+            .iter()
+            .filter(|(tick, axis, _)| *axis == trace.axis && self.window.holds(*tick));
         Group {
             trace,
             alarms: alarms(trace, self.window),
@@ -237,7 +248,10 @@ fn limits_are_named(axes: &[&AxisTrace]) -> bool {
 }
 
 fn starts_unknown(trace: &AxisTrace, window: Window) -> bool {
-    trace.samples.iter().any(|sample| window.holds(sample.tick) && sample.moves() && sample.position.is_none())
+    trace
+        .samples
+        .iter()
+        .any(|sample| window.holds(sample.tick) && sample.moves() && sample.position.is_none())
 }
 
 /// The lowest and the highest value.
@@ -289,7 +303,8 @@ pub(super) fn clipped(points: &[(f64, f64)], x: &Range<f64>) -> Vec<(f64, f64)> 
     let mut inside = Vec::new();
     for (at, &point) in points.iter().enumerate() {
         if let Some(&before) = at.checked_sub(1).and_then(|at| points.get(at)) {
-            let mut crossings = [x.start, x.end].map(|edge| (before.0 < edge && edge < point.0).then_some(edge));
+            let mut crossings =
+                [x.start, x.end].map(|edge| (before.0 < edge && edge < point.0).then_some(edge));
             crossings.sort_by(f64_order);
             inside.extend(crossings.into_iter().flatten().map(|edge| {
                 let share = (edge - before.0) / (point.0 - before.0);
@@ -315,7 +330,11 @@ pub(super) fn thinned(points: Vec<(f64, f64)>, area: &Area<'_>) -> Vec<(f64, f64
         return points;
     }
     let (start, span) = (first.0, last.0 - first.0);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "columns are some thousands")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_precision_loss,
+        reason = "columns are some thousands"
+    )]
     let column = |x: f64| ((x - start) / span * columns as f64) as i64;
     let mut few = Vec::with_capacity(4 * columns);
     for of_column in points.chunk_by(|a, b| column(a.0) == column(b.0)) {
@@ -355,7 +374,14 @@ impl Limits {
         }
     }
 
-    fn draw(&self, axis: AxisNumber, x: &Range<f64>, y: &Range<f64>, named: bool, chart: &Chart<'_, '_>) -> Drawn {
+    fn draw(
+        &self,
+        axis: AxisNumber,
+        x: &Range<f64>,
+        y: &Range<f64>,
+        named: bool,
+        chart: &Chart<'_, '_>,
+    ) -> Drawn {
         let tint: RGBAColor = color(axis).mix(0.08);
         for zone in [&self.lower_zone, &self.upper_zone] {
             let zone = zone.start.max(y.start)..zone.end.min(y.end);
@@ -367,7 +393,12 @@ impl Limits {
             if y.contains(&limit) {
                 dashes(chart, (x.start, limit), (x.end, limit), &color(axis).mix(0.6), 5.0)?;
                 if named {
-                    Words::new(11.0).color(GREY).ends().above().mark(chart, (x.end, limit), (-6.0, -3.0), name)?;
+                    Words::new(11.0).color(GREY).ends().above().mark(
+                        chart,
+                        (x.end, limit),
+                        (-6.0, -3.0),
+                        name,
+                    )?;
                 }
             }
         }
@@ -381,7 +412,8 @@ fn reach<'a>((low, high): (f64, f64), limits: impl Iterator<Item = &'a Limits>) 
     let near = (low - 0.35 * span, high + 0.35 * span);
     let (mut from, mut to) = (low, high);
     for limits in limits {
-        for limit in [limits.lower_zone.start, limits.travel.start, limits.travel.end, limits.upper_zone.end] {
+        for limit in [limits.lower_zone.start, limits.travel.start, limits.travel.end, limits.upper_zone.end]
+        {
             if limit >= near.0 && limit <= near.1 {
                 (from, to) = (from.min(limit), to.max(limit));
             }
@@ -420,7 +452,12 @@ impl Group<'_> {
         for (span, _) in &self.alarms {
             rectangle(chart, span.seconds(), bottom..y, &ALARM.mix(0.12))?;
         }
-        Words::new(12.0).bold().color(color(self.trace.axis)).mark(chart, (x.start, y), (-86.0, 9.0), name)?;
+        Words::new(12.0).bold().color(color(self.trace.axis)).mark(
+            chart,
+            (x.start, y),
+            (-86.0, 9.0),
+            name,
+        )?;
         if self.has_events() {
             self.events(y - Self::EVENTS / 2.0, window, chart)?;
             y -= Self::EVENTS;
@@ -475,7 +512,8 @@ fn diamond(chart: &Chart<'_, '_>, at: (f64, f64), ink: RGBColor) -> Result<(), D
 /// stands holds to the window's end.
 fn spans(trace: &AxisTrace, window: Window) -> impl Iterator<Item = (Window, &Sample)> {
     let ends = trace.samples.iter().skip(1).map(|next| next.tick);
-    let end = trace.samples.last().map(|last| if last.moves() { last.tick } else { window.to.max(last.tick) });
+    let end =
+        trace.samples.last().map(|last| if last.moves() { last.tick } else { window.to.max(last.tick) });
     trace.samples.iter().zip(ends.chain(end)).filter_map(move |(sample, to)| {
         let (from, to) = (sample.tick.max(window.from), to.min(window.to));
         (from < to).then_some((Window { from, to }, sample))
@@ -506,4 +544,3 @@ fn alarms(trace: &AxisTrace, window: Window) -> Vec<(Window, Alarm)> {
     }
     alarms
 }
-

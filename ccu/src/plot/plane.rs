@@ -5,7 +5,9 @@ use plotters::prelude::*;
 
 use super::Subject;
 use super::moves::Limits;
-use super::sheet::{Area, Chart, Drawn, Frame, GREY, INK, Words, color, dashes, polyline, px, rectangle, stroke};
+use super::sheet::{
+    Area, Chart, Drawn, Frame, GREY, INK, Words, color, dashes, polyline, px, rectangle, stroke,
+};
 use super::trace::{AxisTrace, Window};
 
 /// A movement that uses less than this part of the rail is shown without the rest of it.
@@ -16,8 +18,7 @@ fn columns(axes: usize) -> usize {
     match axes {
         0..=3 => axes.max(1),
         4 => 2,
-        5 | 6 => 3,
-        _ => 4,
+        _ => 3,
     }
 }
 
@@ -109,16 +110,21 @@ fn zones(limits: &Limits, frame: &Frame<'_>, chart: &Chart<'_, '_>) -> Drawn {
             rectangle(chart, zone, y.clone(), &RGBColor(170, 170, 170).mix(0.35))?;
         }
     }
-    let label = |name: &str, at: f64, dx: f64| -> Drawn {
-        if !x.contains(&at) {
-            return Ok(());
-        }
-        dashes(chart, (at, y.start), (at, y.end), &GREY.mix(0.8), 4.0)?;
-        let words = Words::new(12.0).color(GREY).below();
-        let words = if dx < 0.0 { words.ends() } else { words };
-        words.mark(chart, (at, y.end), (dx, 4.0), name)
-    };
-    label("e1", limits.lower_zone.end, -4.0)?;
-    label("eR", limits.reference, 4.0)?;
-    label("e2", limits.upper_zone.start, -4.0)
+    let line = |at: f64| dashes(chart, (at, y.start), (at, y.end), &GREY.mix(0.8), 4.0);
+    let shown = |at: f64| x.contains(&at);
+    let words = || Words::new(12.0).color(GREY);
+    // e1 and eR are close together, so one is named below and the other above.
+    if shown(limits.lower_zone.end) {
+        line(limits.lower_zone.end)?;
+        words().above().mark(chart, (limits.lower_zone.end, y.start), (4.0, -4.0), "e1")?;
+    }
+    if shown(limits.reference) {
+        line(limits.reference)?;
+        words().below().mark(chart, (limits.reference, y.end), (4.0, 4.0), "eR")?;
+    }
+    if shown(limits.upper_zone.start) {
+        line(limits.upper_zone.start)?;
+        words().ends().below().mark(chart, (limits.upper_zone.start, y.end), (-4.0, 4.0), "e2")?;
+    }
+    Ok(())
 }

@@ -9,8 +9,8 @@ use supersigma_config::{AxisConfig, RampConfig, RampError, ShortMoves};
 use supersigma_protocol::{Distance, SpeedIndex, Steps, Tick, Ticks};
 
 use super::sheet::{
-    Area, Chart, DrawError, Drawn, Entry, Frame, GREY, Head, INK, SHADE, Words, dashes, nth_color, number, picture,
-    polyline, px, rectangle, stroke,
+    Area, Chart, DrawError, Drawn, Entry, Frame, GREY, Head, INK, SHADE, Words, dashes, nth_color, number,
+    picture, polyline, px, rectangle, stroke,
 };
 use super::{Picture, PlotError, Size};
 use crate::profile::{Profile, Wanted, profile};
@@ -80,9 +80,10 @@ impl Ramp<'_> {
         let RampConfig { amplitude, omega, phase, .. } = self.ramp;
         let interval = Ticks(self.ramp.interval_ticks.into()).as_seconds() * 1e3;
         format!(
-            "{}: V(t) = {} sin²({omega} t + {phase}) steps/s, a table entry every {interval} ms",
+            "{}: V(t) = {} sin²({omega} t + {phase}) steps/s, a table entry every {} ms",
             self.axis.name,
-            number(*amplitude, 0)
+            number(*amplitude, 0),
+            number(interval, 2)
         )
     }
 
@@ -99,7 +100,8 @@ impl Ramp<'_> {
             entries.iter().map(|&index| (at(index), f64::from(table.period(index) - 1))).collect();
         let smooth: Vec<_> = (0..=600).map(|part| end * f64::from(part) / 600.0).collect();
         let smooth: Vec<_> = smooth.into_iter().map(|t| (t, curve.speed(t))).collect();
-        let legend = vec![Entry::line("the curve V(t)", CURVE), Entry::line("the table, entry by entry", STEPS)];
+        let legend =
+            vec![Entry::line("the curve V(t)", CURVE), Entry::line("the table, entry by entry", STEPS)];
         let subtitle = self.subtitle();
         let title = "The ramp table";
         let head = Head { title, subtitle: &subtitle, legend };
@@ -116,21 +118,27 @@ impl Ramp<'_> {
             let (close, counted) = rest.split_vertically(px(260.0));
             let x = 0.0..end;
             let heading = "Speed of every entry: 2 000 000 / (N + 1)";
-            frame(heading, x.clone(), 0.0..top * 1.06, Some(seconds), "steps/s").draw(&whole).and_then(|chart| both(&chart, &x))?;
+            frame(heading, x.clone(), 0.0..top * 1.06, Some(seconds), "steps/s")
+                .draw(&whole)
+                .and_then(|chart| both(&chart, &x))?;
             let (slow, fast) = close.split_horizontally(px(f64::from(WIDTH) / 2.0));
             let x = 0.0..12.0 * interval;
             let y = 500.0..curve.speed(x.end) * 1.05;
-            frame("The start, enlarged", x.clone(), y, Some("s"), "steps/s").draw(&slow).and_then(|chart| both(&chart, &x))?;
+            frame("The start, enlarged", x.clone(), y, Some("s"), "steps/s")
+                .draw(&slow)
+                .and_then(|chart| both(&chart, &x))?;
             let x = end * 0.85..end;
             let y = curve.speed(x.start) * 0.995..top * 1.008;
             frame("The top, enlarged: N is a whole number", x.clone(), y, Some("s"), "steps/s")
                 .draw(&fast)
                 .and_then(|chart| both(&chart, &x))?;
             let most = counts.first().map_or(1.0, |count| count.1);
-            let counted = frame("N of every entry", 0.0..end, 0.0..most * 1.08, Some(seconds), "N").draw(&counted)?;
+            let counted =
+                frame("N of every entry", 0.0..end, 0.0..most * 1.08, Some(seconds), "N").draw(&counted)?;
             polyline(&counted, staircase(&counts, end), stroke(&STEPS, 1.75))?;
             for (t, n) in [counts.first(), counts.last()].into_iter().flatten().copied() {
-                let (words, dx) = if t > 0.0 { (Words::new(12.0).ends(), -8.0) } else { (Words::new(12.0), 10.0) };
+                let (words, dx) =
+                    if t > 0.0 { (Words::new(12.0).ends(), -8.0) } else { (Words::new(12.0), 10.0) };
                 words.above().mark(&counted, (t, n), (dx, -4.0), &format!("N = {}", number(n, 0)))?;
             }
             Ok(())
@@ -168,7 +176,12 @@ impl Ramp<'_> {
             let (_, rest) = root.split_vertically(px(head.height(WIDTH)));
             let (whole, close) = rest.split_vertically(px(330.0));
             let y = 0.0..made.peak_speed * 1.08;
-            let both = |x: std::ops::Range<f64>, y: std::ops::Range<f64>, heading: &str, name: &str, area: &Area<'_>| -> Drawn {
+            let both = |x: std::ops::Range<f64>,
+                        y: std::ops::Range<f64>,
+                        heading: &str,
+                        name: &str,
+                        area: &Area<'_>|
+             -> Drawn {
                 let chart = frame(heading, x.clone(), y.clone(), Some(name), "steps/s").draw(area)?;
                 for span in &critical {
                     let span = span.start.max(x.start)..span.end.min(x.end);
@@ -183,7 +196,13 @@ impl Ramp<'_> {
             let first = (duration / 4.0).min(0.03);
             let x = 0.0..first;
             let y = 0.0..curve.speed(first).min(made.peak_speed) * 1.1;
-            both(x, y, "The start, enlarged: each period has the entry that is due when it begins", "s", &close)
+            both(
+                x,
+                y,
+                "The start, enlarged: each period has the entry that is due when it begins",
+                "s",
+                &close,
+            )
         };
         Ok(picture(Size { width: WIDTH, height: 690 }, &title, draw)?)
     }
@@ -205,7 +224,8 @@ impl Ramp<'_> {
             head.draw(root, WIDTH)?;
             let (_, area) = root.split_vertically(px(head.height(WIDTH)));
             let name = "time from the start of the movement, s";
-            let chart = frame("Speed", 0.0..longest * 1.02, 0.0..fastest * 1.08, Some(name), "steps/s").draw(&area)?;
+            let chart = frame("Speed", 0.0..longest * 1.02, 0.0..fastest * 1.08, Some(name), "steps/s")
+                .draw(&area)?;
             // The longest first, so that the shorter ones are on top of it.
             for (n, profile) in made.iter().enumerate().rev() {
                 polyline(&chart, super::moves::thinned(played(profile), &area), stroke(&nth_color(n), 1.75))?;
@@ -225,18 +245,25 @@ impl Ramp<'_> {
         if let Some(fit) = fit {
             let (worst, at) = fit.worst(&points);
             legend.push(Entry::line(
-                format!("the nearest hyperbola; off by up to {} % at {} steps", number(worst * 100.0, 1), number(at, 0)),
+                format!(
+                    "the nearest hyperbola; off by up to {} % at {} steps",
+                    number(worst * 100.0, 1),
+                    number(at, 0)
+                ),
                 CURVE,
             ));
         }
         let head = Head { title, subtitle: &subtitle, legend };
-        let (first, last) = (points.first().copied().unwrap_or((0.0, 1.0)), points.last().copied().unwrap_or((1.0, 0.0)));
+        let (first, last) =
+            (points.first().copied().unwrap_or((0.0, 1.0)), points.last().copied().unwrap_or((1.0, 0.0)));
         let (x, y) = (0.0..last.0 * 1.05, 0.0..first.1 * 1.06);
         let draw = |root: &Area<'_>| -> Drawn {
             head.draw(root, WIDTH)?;
             let (_, area) = root.split_vertically(px(head.height(WIDTH)));
             let name = "length of the ramp, steps";
-            let chart = frame("Initial N over the ramp's length", x.clone(), y.clone(), Some(name), "initial N").draw(&area)?;
+            let chart =
+                frame("Initial N over the ramp's length", x.clone(), y.clone(), Some(name), "initial N")
+                    .draw(&area)?;
             polyline(&chart, points.clone(), stroke(&STEPS, 2.5))?;
             if let Some(fit) = fit {
                 let curve = (0..=400).map(|part| first.0 + (last.0 - first.0) * f64::from(part) / 400.0);
@@ -253,16 +280,16 @@ impl Ramp<'_> {
     fn times(&self) -> Result<Picture, RampPlotError> {
         let of = |short_moves| Table::new(&RampConfig { short_moves, ..self.ramp.clone() });
         let (optimal, paper) = (of(ShortMoves::Optimal)?, of(ShortMoves::Paper)?);
-        let whole = 2 * optimal.normal().pulses().0;
-        let lengths = || (1..=1_000_u32).filter_map(|part| Distance::new(u16::try_from(part * whole * 2 / 1_000).ok()?));
+        let whole = shortest_with_a_whole_ramp(&paper);
+        let lengths = || {
+            (1..=1_000_u32).filter_map(|part| Distance::new(u16::try_from(part * whole * 2 / 1_000).ok()?))
+        };
         let times = |table: &Table| -> Vec<(f64, f64)> {
-            let seconds = |distance| Ticks(Plan::ramped(table, distance, SpeedIndex::TOP).duration()).as_seconds();
+            let seconds =
+                |distance| Ticks(Plan::ramped(table, distance, SpeedIndex::TOP).duration()).as_seconds();
             lengths().map(|distance| (f64::from(distance.get()), 1e3 * seconds(distance))).collect()
         };
-        let lines = [
-            ("method of 1980", times(&paper), CURVE),
-            ("optimal method", times(&optimal), STEPS),
-        ];
+        let lines = [("method of 1980", times(&paper), CURVE), ("optimal method", times(&optimal), STEPS)];
         let title = "The time that a movement takes";
         let subtitle = self.subtitle();
         let legend = lines.iter().map(|(name, _, color)| Entry::line(*name, *color)).collect();
@@ -276,7 +303,7 @@ impl Ramp<'_> {
             let chart = frame("Time over length", x, y.clone(), Some(name), "ms").draw(&area)?;
             let shortest = f64::from(whole);
             dashes(&chart, (shortest, y.start), (shortest, y.end), &GREY, 4.0)?;
-            let label = format!("{}: the whole ramp, up and down", number(shortest, 0));
+            let label = format!("{}: from here on with the whole ramp of 1980", number(shortest, 0));
             Words::new(12.0).color(GREY).below().mark(&chart, (shortest, y.end), (6.0, 6.0), &label)?;
             for (_, points, color) in &lines {
                 polyline(&chart, points.clone(), stroke(color, 2.0))?;
@@ -358,7 +385,9 @@ fn critical(made: &Profile, played: &[(f64, f64)]) -> Vec<std::ops::Range<f64>> 
     };
     let fast = |point: &&(f64, f64)| point.1 >= 0.9 * made.peak_speed;
     let (first, last) = (played.iter().find(fast), played.iter().rfind(fast));
-    let (Some(up), Some(down), Some(first), Some(last)) = (at(made.accel_steps), at(made.decel_at), first, last) else {
+    let (Some(up), Some(down), Some(first), Some(last)) =
+        (at(made.accel_steps), at(made.decel_at), first, last)
+    else {
         return Vec::new();
     };
     if up < down { vec![first.0..up, down..last.0] } else { vec![first.0..last.0] }
@@ -366,19 +395,28 @@ fn critical(made: &Profile, played: &[(f64, f64)]) -> Vec<std::ops::Range<f64>> 
 
 /// (na, initial N) of every length of movement for which the method of 1980 makes another ramp.
 fn family_of_1980(paper: &Table) -> Vec<(f64, f64)> {
-    let longest = 2 * paper.normal().pulses().0 + paper.offset().0 + 10;
+    let longest = shortest_with_a_whole_ramp(paper);
     let lengths = (1..=longest).filter_map(|steps| Distance::new(u16::try_from(steps).ok()?));
     let mut points: Vec<(f64, f64)> = lengths
         .filter_map(|distance| {
             let plan = Plan::ramped(paper, distance, SpeedIndex::TOP);
-            let climbs = plan.runs().iter().filter(|run| run.phase == Phase::Accelerating);
-            let ramp: u32 = climbs.map(|run| run.pulses).sum();
+            let ramp = climb(&plan);
             let first = plan.runs().first()?;
             (ramp > 0).then(|| (f64::from(ramp), f64::from(first.period - 1)))
         })
         .collect();
     points.dedup();
     points
+}
+
+/// na: the steps of a plan up to the end of its acceleration.
+fn climb(plan: &Plan) -> u32 {
+    plan.runs().iter().filter(|run| run.phase == Phase::Accelerating).map(|run| run.pulses).sum()
+}
+
+/// 2 na + offset: shorter movements have a ramp of their own in the method of 1980.
+fn shortest_with_a_whole_ramp(paper: &Table) -> u32 {
+    2 * climb(&Plan::ramped(paper, Distance::MAX, SpeedIndex::TOP)) + paper.offset().0
 }
 
 /// (N − n) · (na − m) = c.

@@ -19,7 +19,7 @@ const FINE: u32 = 4;
 /// The drawing library takes text sizes 1.24 times too large, to be like another renderer.
 const TEXT_FACTOR: f64 = 1.24;
 /// The average width of a character, of its size; a little more than that of common fonts.
-const CHARACTER: f64 = 0.58;
+const CHARACTER: f64 = 0.55;
 
 /// The room left of a frame, for its labels.
 pub(super) const LEFT: f64 = 92.0;
@@ -112,7 +112,13 @@ pub(super) struct Words {
 impl Words {
     /// Text of `size` pixels; its point is at its left, half-way up.
     pub(super) const fn new(size: f64) -> Self {
-        Self { size, color: INK, bold: false, anchor: Pos { h_pos: HPos::Left, v_pos: VPos::Center }, upright: true }
+        Self {
+            size,
+            color: INK,
+            bold: false,
+            anchor: Pos { h_pos: HPos::Left, v_pos: VPos::Center },
+            upright: true,
+        }
     }
 
     pub(super) const fn bold(mut self) -> Self {
@@ -162,7 +168,13 @@ impl Words {
     }
 
     /// Writes it in a chart, at a point of the chart and so many pixels away from it.
-    pub(super) fn mark(&self, chart: &Chart<'_, '_>, at: (f64, f64), (dx, dy): (f64, f64), text: &str) -> Drawn {
+    pub(super) fn mark(
+        &self,
+        chart: &Chart<'_, '_>,
+        at: (f64, f64),
+        (dx, dy): (f64, f64),
+        text: &str,
+    ) -> Drawn {
         let text = Text::new(text.to_owned(), (px(dx), px(dy)), self.style());
         chart.plotting_area().draw(&(EmptyElement::at(at) + text))
     }
@@ -288,21 +300,22 @@ impl Frame<'_> {
             .y_label_area_size(px(LEFT))
             .x_label_area_size(px(below))
             .build_cartesian_2d(self.x.clone(), self.y.clone())?;
-        let [columns, rows] = [(width - LEFT - RIGHT) / 86.0, (height - HEADING - below) / 34.0].map(labels);
+        let [columns, rows] = [(width - LEFT - RIGHT) / 76.0, (height - HEADING - below) / 34.0].map(labels);
         let [x_decimals, y_decimals] = [decimals(&self.x, columns), decimals(&self.y, rows)];
         let show_x = self.x_name.is_some();
         let show_y = self.y_name.is_some();
         let x_label = |x: &f64| if show_x { number(*x, x_decimals) } else { String::new() };
         let y_label = |y: &f64| if show_y { number(*y, y_decimals) } else { String::new() };
+        let ticks = Words::new(12.0);
         let mut mesh = chart.configure_mesh();
         mesh.x_labels(columns)
             .y_labels(rows)
             .max_light_lines(0)
             .bold_line_style(stroke(&FAINT, 1.0))
             .axis_style(stroke(&GREY, 1.0))
-            .label_style(Words::new(12.0).style())
-            .axis_desc_style(Words::new(12.5).style())
-            .set_all_tick_mark_size(px(if show_x { 5.0 } else { 0.0 }))
+            .label_style(ticks.style())
+            .set_tick_mark_size(LabelAreaPosition::Left, px(if show_y { 5.0 } else { 0.0 }))
+            .set_tick_mark_size(LabelAreaPosition::Bottom, px(if show_x { 5.0 } else { 0.0 }))
             .x_label_formatter(&x_label)
             .y_label_formatter(&y_label);
         if !show_y {
@@ -333,15 +346,22 @@ fn labels(room: f64) -> usize {
 fn decimals(range: &Range<f64>, labels: usize) -> usize {
     let points = RangedCoordf64::from(range.clone()).key_points(BoldPoints(labels));
     let step = points.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(f64::INFINITY, f64::min);
-    (0..6).find(|&decimals| {
-        let scaled = step * 10_f64.powi(decimals);
-        (scaled - scaled.round()).abs() < 1e-6 * scaled.max(1.0) && scaled > 0.5
-    }).map_or(0, |decimals| decimals.unsigned_abs() as usize)
+    (0..6)
+        .find(|&decimals| {
+            let scaled = step * 10_f64.powi(decimals);
+            (scaled - scaled.round()).abs() < 1e-6 * scaled.max(1.0) && scaled > 0.5
+        })
+        .map_or(0, |decimals| decimals.unsigned_abs() as usize)
 }
 
-/// A rectangle in chart coordinates.
+/// A rectangle in chart coordinates; one that is too narrow to be seen is a pixel wide.
 pub(super) fn rectangle(chart: &Chart<'_, '_>, x: Range<f64>, y: Range<f64>, color: &impl Color) -> Drawn {
-    chart.plotting_area().draw(&Rectangle::new([(x.start, y.start), (x.end, y.end)], color.to_rgba().filled()))
+    let [left, right] = [x.start, x.end].map(|x| chart.backend_coord(&(x, y.start)).0);
+    if right - left < px(1.0) {
+        return polyline(chart, vec![(x.start, y.start), (x.start, y.end)], stroke(color, 1.0));
+    }
+    let corners = [(x.start, y.start), (x.end, y.end)];
+    chart.plotting_area().draw(&Rectangle::new(corners, color.to_rgba().filled()))
 }
 
 /// Lines from point to point.
@@ -353,7 +373,13 @@ pub(super) fn polyline(chart: &Chart<'_, '_>, points: Vec<(f64, f64)>, style: Sh
 }
 
 /// Dashes, so many pixels on and as many off, between two points of a chart, one above or beside the other.
-pub(super) fn dashes(chart: &Chart<'_, '_>, from: (f64, f64), to: (f64, f64), color: &impl Color, on: f64) -> Drawn {
+pub(super) fn dashes(
+    chart: &Chart<'_, '_>,
+    from: (f64, f64),
+    to: (f64, f64),
+    color: &impl Color,
+    on: f64,
+) -> Drawn {
     let (begin, end) = (chart.backend_coord(&from), chart.backend_coord(&to));
     let length = f64::from((end.0 - begin.0).abs() + (end.1 - begin.1).abs());
     let step = f64::from(px(on));

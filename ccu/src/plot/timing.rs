@@ -7,6 +7,7 @@ use supersigma_protocol::{
     Operation, Refusal, Report, Sequence, Steps, Tick, Ticks,
 };
 
+use super::sheet::number;
 use super::trace::{Window, moves, speed};
 use crate::log::AxisNames;
 
@@ -155,6 +156,20 @@ impl Timing {
         gaps(span, self.axes.iter().flat_map(|axis| &axis.bars))
     }
 
+    /// The totals of all axes in words.
+    #[must_use]
+    #[expect(clippy::cast_precision_loss, reason = "for people")]
+    pub fn totals(&self) -> String {
+        let bars = || self.axes.iter().flat_map(|axis| &axis.bars);
+        let steps: u64 = bars().map(|bar| u64::from(bar.steps.0)).sum();
+        let seconds = self.span.map_or(0.0, |span| span.to.since(span.from).as_seconds());
+        format!(
+            "{} movements, {} steps, {seconds:.3} s of machine time",
+            bars().count(),
+            number(steps as f64, 0)
+        )
+    }
+
     fn asked(&mut self, sequence: Sequence, broadcast: &Broadcast) {
         let Ok(Command { to, operation }) = Command::decode(broadcast.bytes.as_slice()) else { return };
         match to.kind() {
@@ -228,7 +243,8 @@ impl AxisTiming {
             | Operation::Slew { direction, .. } => self.next = (Kind::Move, Some(direction)),
             // A second leg makes it a path, whose parts may go either way.
             Operation::ArmLine { direction, .. } => {
-                let turns = self.next.0 == Kind::Line && self.next.1.is_some_and(|before| before != direction);
+                let turns =
+                    self.next.0 == Kind::Line && self.next.1.is_some_and(|before| before != direction);
                 self.next = (Kind::Line, (!turns).then_some(direction));
             }
             Operation::Originate => self.next = (Kind::Origin, None),

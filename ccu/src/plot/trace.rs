@@ -66,10 +66,12 @@ impl AxisTrace {
         self.samples.windows(2).filter(|pair| pair[0].moves() && !pair[1].moves()).map(|pair| &pair[1])
     }
 
-    /// Whether it moved at all.
+    /// Whether it moved in this span.
     #[must_use]
-    pub fn moved(&self) -> bool {
-        self.samples.iter().any(Sample::moves)
+    pub fn moved(&self, window: Window) -> bool {
+        let ends = self.samples.iter().skip(1).map(|next| next.tick).chain([Tick(u64::MAX)]);
+        let mut spans = self.samples.iter().zip(ends);
+        spans.any(|(sample, end)| sample.moves() && sample.tick <= window.to && end > window.from)
     }
 
     fn push(&mut self, sample: Sample) {
