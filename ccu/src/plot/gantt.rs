@@ -178,11 +178,11 @@ fn draw_bar(bar: &Bar, window: Window, middle: f64, chart: &Chart<'_, '_>) -> Dr
         None => "",
     };
     let text = format!("{sign}{}", number(f64::from(bar.steps.0), 0));
-    let room = wide - if ending.is_some() { 8.0 } else { 1.0 };
-    if width(&text, 10.5) <= room {
+    let room = wide - if ending.is_some() { 9.0 } else { 3.0 };
+    if width(&text, 9.5) <= room {
         let ink = if matches!(bar.kind, Kind::Origin | Kind::Reference) { INK } else { WHITE };
         let at = (seconds(bar.begin.max(window.from)), middle);
-        Words::new(10.5).color(ink).centered().mark(chart, at, (wide / 2.0, 0.0), &text)?;
+        Words::new(9.5).color(ink).centered().mark(chart, at, (wide / 2.0, 0.0), &text)?;
     }
     Ok(())
 }

@@ -113,14 +113,19 @@ fn zones(limits: &Limits, frame: &Frame<'_>, chart: &Chart<'_, '_>) -> Drawn {
     let line = |at: f64| dashes(chart, (at, y.start), (at, y.end), &GREY.mix(0.8), 4.0);
     let shown = |at: f64| x.contains(&at);
     let words = || Words::new(12.0).color(GREY);
-    // e1 and eR are close together, so one is named below and the other above.
-    if shown(limits.lower_zone.end) {
-        line(limits.lower_zone.end)?;
-        words().above().mark(chart, (limits.lower_zone.end, y.start), (4.0, -4.0), "e1")?;
+    let name = |at: f64, text: &str| words().below().mark(chart, (at, y.end), (4.0, 4.0), text);
+    let (e1, reference) = (limits.lower_zone.end, limits.reference);
+    let pixel = |at: f64| chart.backend_coord(&(at, 0.0)).0;
+    let close = shown(e1) && shown(reference) && pixel(reference) - pixel(e1) < px(24.0);
+    if shown(e1) {
+        line(e1)?;
+        name(if close { reference } else { e1 }, if close { "e1, eR" } else { "e1" })?;
     }
-    if shown(limits.reference) {
-        line(limits.reference)?;
-        words().below().mark(chart, (limits.reference, y.end), (4.0, 4.0), "eR")?;
+    if shown(reference) {
+        line(reference)?;
+        if !close {
+            name(reference, "eR")?;
+        }
     }
     if shown(limits.upper_zone.start) {
         line(limits.upper_zone.start)?;

@@ -3,9 +3,9 @@
 use resvg::tiny_skia::Pixmap;
 use supersigma_config::Config;
 use supersigma_protocol::{
-    About, Activity, Alarm, Answer, AxisNumber, AxisReport, Body, Broadcast, Command, Direction, Distance, Fault,
-    Frame, Occasion, Operation, Pace, Position, Refusal, Report, Sender, SensePoint, Sequence, StatusWord, Steps,
-    Tick, Ticks,
+    About, Activity, Alarm, Answer, AxisNumber, AxisReport, Body, Broadcast, Command, Direction, Distance,
+    Fault, Frame, Occasion, Operation, Pace, Position, Refusal, Report, Sender, SensePoint, Sequence,
+    StatusWord, Steps, Tick, Ticks,
 };
 
 use super::moves::{clipped, positions, speeds};
@@ -79,7 +79,11 @@ fn frames() -> Vec<Frame> {
         RESTS.at(2, 0, About::Unasked(Occasion::Joined)),
         command(1, 7, 2_000_000, forward),
         up.at(1, 2_000_000, done(7)),
-        Says { period: 500, position: Some(100), steps: 100, ..up }.at(1, 2_100_000, About::Unasked(Occasion::Sampled)),
+        Says { period: 500, position: Some(100), steps: 100, ..up }.at(
+            1,
+            2_100_000,
+            About::Unasked(Occasion::Sampled),
+        ),
         rests.at(1, 2_400_000, CHANGED),
         rests.at(1, 3_000_000, About::Unasked(Occasion::Heartbeat)),
         rests.at(1, 3_500_000, About::Unasked(Occasion::Heartbeat)),
@@ -91,7 +95,8 @@ fn frames() -> Vec<Frame> {
         command(1, 10, 4_100_000, Operation::Halt),
         Says { activity: Activity::Decelerating, ..back }.at(1, 4_100_000, done(10)),
         Says { position: Some(350), steps: 50, ..RESTS }.at(1, 4_200_000, CHANGED),
-        Says { position: Some(350), steps: 50, alarm: Some(Alarm::ExcessiveForce), ..RESTS }.at(1, 4_250_000, CHANGED),
+        Says { position: Some(350), steps: 50, alarm: Some(Alarm::ExcessiveForce), ..RESTS }
+            .at(1, 4_250_000, CHANGED),
     ]
 }
 
@@ -211,7 +216,8 @@ fn drawn(what: &[What], size: Option<Size>) -> Result<Picture, PlotError> {
 
 #[test]
 fn a_picture_says_what_its_axes_are() {
-    let picture = drawn(&[What::Plane, What::Sense, What::Speed, What::Position, What::Timing], None).expect("drawn");
+    let picture =
+        drawn(&[What::Plane, What::Sense, What::Speed, What::Position, What::Timing], None).expect("drawn");
     for text in [
         "<title>a &lt; set</title>",
         "a &lt; set",
@@ -231,7 +237,8 @@ fn a_picture_says_what_its_axes_are() {
         assert!(picture.svg().contains(text), "{text} is missing");
     }
     assert!(!picture.svg().contains("NaN"));
-    let again = drawn(&[What::Plane, What::Sense, What::Speed, What::Position, What::Timing], None).expect("drawn");
+    let again =
+        drawn(&[What::Plane, What::Sense, What::Speed, What::Position, What::Timing], None).expect("drawn");
     assert_eq!(picture, again);
 }
 
