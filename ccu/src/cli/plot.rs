@@ -68,7 +68,7 @@ pub(super) struct PlotArgs {
 }
 
 pub(super) fn plot(args: &PlotArgs) -> Result<(), Exit> {
-    Format::of(&args.output).map_err(exit)?;
+    Format::of(&args.output).map_err(|error| exit(&error))?;
     match &args.log {
         Some(log) => of_a_log(args, log),
         None => of_a_ramp(args),
@@ -76,7 +76,7 @@ pub(super) fn plot(args: &PlotArgs) -> Result<(), Exit> {
 }
 
 /// Neither a wrong name nor a size is the machine's fault.
-pub(super) fn exit(error: PlotError) -> Exit {
+pub(super) fn exit(error: &PlotError) -> Exit {
     let exit = match error {
         PlotError::Extension { .. } | PlotError::TooSmall { .. } => Exit::wrong,
         PlotError::Write { .. } | PlotError::Draw(_) => Exit::could_not,
@@ -109,7 +109,7 @@ fn of_a_ramp(args: &PlotArgs) -> Result<(), Exit> {
     let picture = Ramp { axis, ramp: &ramp }
         .picture(which, &lengths)
         .map_err(|error| Exit::wrong(miette!("{error}")))?;
-    picture.save(&args.output).map_err(exit)
+    picture.save(&args.output).map_err(|error| exit(&error))
 }
 
 fn find_axis<'a>(config: &'a Config, name: &str) -> Result<&'a AxisConfig, Exit> {
@@ -148,7 +148,9 @@ fn of_a_log(args: &PlotArgs, log: &Path) -> Result<(), Exit> {
     let subtitle = format!("{from:.3} to {to:.3} s of machine time, from {file}{cut}");
     let subject = Subject { title: &title, subtitle: &subtitle, names: &header.names, config: &config };
     let shown = Shown { subject, axes: &axes, what: &args.what, window, size: args.size };
-    moves(&trace, &timing, &shown).and_then(|picture| picture.save(&args.output)).map_err(exit)?;
+    moves(&trace, &timing, &shown)
+        .and_then(|picture| picture.save(&args.output))
+        .map_err(|error| exit(&error))?;
     if truncated {
         eprintln!("the log ends in the middle of a record; what comes before that is shown");
     }

@@ -103,7 +103,7 @@ fn dry_run(args: &RunArgs, program: &Program, source: String) -> Result<(), Exit
         None => {
             let set =
                 DrySet::new(Arc::clone(&knowledge), NoPulses, log).map_err(|error| dry_error(&error))?;
-            run_dry(args, program, knowledge, set).map(|_| ())
+            run_dry(args, program, &knowledge, set).map(|_| ())
         }
         Some(path) => {
             let cannot =
@@ -111,7 +111,7 @@ fn dry_run(args: &RunArgs, program: &Program, source: String) -> Result<(), Exit
             let file = File::create(path).map_err(cannot)?;
             let pulses = PulseCsv::new(BufWriter::new(file)).map_err(cannot)?;
             let set = DrySet::new(Arc::clone(&knowledge), pulses, log).map_err(|error| dry_error(&error))?;
-            run_dry(args, program, knowledge, set)?.finish().map_err(cannot)
+            run_dry(args, program, &knowledge, set)?.finish().map_err(cannot)
         }
     }
 }
@@ -119,13 +119,13 @@ fn dry_run(args: &RunArgs, program: &Program, source: String) -> Result<(), Exit
 fn run_dry<P: PulseWriter + Send + 'static>(
     args: &RunArgs,
     program: &Program,
-    knowledge: Arc<Knowledge>,
+    knowledge: &Arc<Knowledge>,
     set: DrySet<P>,
 ) -> Result<P, Exit> {
     let operator = Arc::new(Mutex::new(Executive::new(set)));
-    let teller = Teller::new(args.json, &knowledge);
+    let teller = Teller::new(args.json, knowledge);
     let totals = teller.totals();
-    let result = program.run(Arc::clone(&operator), Arc::clone(&knowledge), teller, &Limits::default());
+    let result = program.run(Arc::clone(&operator), Arc::clone(knowledge), teller, &Limits::default());
     let executive =
         Arc::into_inner(operator).ok_or_else(|| Exit::could_not(miette!("the dry set is still held")))?;
     let set = executive.into_inner().unwrap_or_else(PoisonError::into_inner).into_link();

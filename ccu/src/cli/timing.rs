@@ -12,7 +12,7 @@ use crate::plot::{Format, Subject, Timing, gantt};
 
 /// Whether `path` can be the name of a picture: better said before the program runs.
 pub(super) fn check_name(path: &Path) -> Result<(), Exit> {
-    Format::of(path).map(drop).map_err(plot::exit)
+    Format::of(path).map(drop).map_err(|error| plot::exit(&error))
 }
 
 /// Prints the totals of every axis that moved or refused to, and what was refused.
@@ -69,5 +69,5 @@ pub(super) fn draw(timing: &Timing, config: &Config, program: &str, path: &Path)
     let names = AxisNames::from(config);
     let title = format!("Dry run of {}", program.rsplit('/').next().unwrap_or(program));
     let subject = Subject { title: &title, subtitle: &timing.totals(), names: &names, config };
-    gantt(timing, &subject).and_then(|picture| picture.save(path)).map_err(plot::exit)
+    gantt(timing, &subject).and_then(|picture| picture.save(path)).map_err(|error| plot::exit(&error))
 }

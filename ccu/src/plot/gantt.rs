@@ -87,7 +87,7 @@ pub(super) fn panel(
     let chart = frame.draw(area)?;
     let axes_end = total - AIR - AXIS_LANE * f64::from(u32::try_from(timing.axes.len()).unwrap_or(u32::MAX));
     for span in timing.idle() {
-        shade(&chart, span, window, axes_end..total, &SHADE)?;
+        shade(&chart, span, window, axes_end..total, SHADE)?;
     }
     let mut y = total - AIR;
     for axis in &timing.axes {
@@ -107,7 +107,7 @@ pub(super) fn panel(
         polyline(&chart, vec![(x.start, middle), (x.end, middle)], stroke(&FAINT, 1.0))?;
         Words::new(10.5).color(GREY).mark(&chart, (x.start, middle), (-82.0, 0.0), &name)?;
         for span in lane.on(bit, window.to) {
-            shade(&chart, span, window, middle - 4.0..middle + 4.0, &color)?;
+            shade(&chart, span, window, middle - 4.0..middle + 4.0, color)?;
         }
         y -= LINE_LANE;
     }
@@ -140,13 +140,13 @@ fn shade(
     span: Window,
     window: Window,
     y: std::ops::Range<f64>,
-    color: &RGBColor,
+    color: RGBColor,
 ) -> Drawn {
     let (from, to) = (span.from.max(window.from), span.to.min(window.to));
     if from >= to {
         return Ok(());
     }
-    rectangle(chart, seconds(from)..seconds(to), y, color)
+    rectangle(chart, seconds(from)..seconds(to), y, &color)
 }
 
 fn draw_bar(bar: &Bar, window: Window, middle: f64, chart: &Chart<'_, '_>) -> Drawn {

@@ -140,7 +140,7 @@ impl Format {
     /// # Errors
     /// If it is neither `.svg` nor `.png`.
     pub fn of(path: &Path) -> Result<Self, PlotError> {
-        match path.extension().map(|extension| extension.to_ascii_lowercase()) {
+        match path.extension().map(std::ffi::OsStr::to_ascii_lowercase) {
             Some(extension) if extension == "svg" => Ok(Self::Svg),
             Some(extension) if extension == "png" => Ok(Self::Png),
             _ => Err(PlotError::Extension { path: path.to_owned() }),

@@ -303,9 +303,7 @@ pub(super) fn clipped(points: &[(f64, f64)], x: &Range<f64>) -> Vec<(f64, f64)> 
     let mut inside = Vec::new();
     for (at, &point) in points.iter().enumerate() {
         if let Some(&before) = at.checked_sub(1).and_then(|at| points.get(at)) {
-            let mut crossings =
-                [x.start, x.end].map(|edge| (before.0 < edge && edge < point.0).then_some(edge));
-            crossings.sort_by(f64_order);
+            let crossings = [x.start, x.end].map(|edge| (before.0 < edge && edge < point.0).then_some(edge));
             inside.extend(crossings.into_iter().flatten().map(|edge| {
                 let share = (edge - before.0) / (point.0 - before.0);
                 (edge, before.1 + (point.1 - before.1) * share)
@@ -316,10 +314,6 @@ pub(super) fn clipped(points: &[(f64, f64)], x: &Range<f64>) -> Vec<(f64, f64)> 
         }
     }
     inside
-}
-
-fn f64_order(a: &Option<f64>, b: &Option<f64>) -> std::cmp::Ordering {
-    a.unwrap_or(0.0).total_cmp(&b.unwrap_or(0.0))
 }
 
 /// No more points than the area can show: of each column the first, the lowest, the highest and the last.
