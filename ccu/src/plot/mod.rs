@@ -1,9 +1,9 @@
 //! Pictures of what a set did, and of how its ramps are made.
 //!
 //! ```text
-//!   frames ─┬► trace    what every axis said, as series over time ─► moves, plane ─┐
-//!           └► timing   movements, waits, digital lines, totals  ─► gantt         ─┼► sheet ─► SVG ─► png
-//!   ramp table, movements of one axis                            ─► profile       ─┘
+//!   frames ─┬► trace    what every axis said, as series over time ─► moves, sense, plane ─┐
+//!           └► timing   movements, waits, digital lines, totals  ─► gantt                ─┼► sheet ─► SVG ─► png
+//!   ramp table, movements of one axis                            ─► profile              ─┘
 //! ```
 //!
 //! `trace` and `timing` are pure: frames in, values out. The drawing rooms know no file and no bus, and draw the same
@@ -14,6 +14,7 @@ mod moves;
 mod plane;
 mod png;
 pub mod profile;
+mod sense;
 mod sheet;
 mod timing;
 mod trace;
