@@ -59,7 +59,8 @@ pub(super) struct RunArgs {
 
 pub(super) fn run(args: &RunArgs) -> Result<(), Exit> {
     let (name, source) = source(args)?;
-    let program = Program::compile(&name, &source)?;
+    let program =
+        Program::compile(&name, &source).map_err(|error| Exit::with_code(error.exit_code(), error))?;
     if args.dry_run {
         return dry_run(args, &program, source);
     }
@@ -138,7 +139,7 @@ fn run_dry<P: PulseWriter + Send + 'static>(
     if let Some(path) = &args.plot {
         timing::draw(&timing, &knowledge.config, program.name(), path)?;
     }
-    result?;
+    result.map_err(|error| Exit::of_program(error, knowledge))?;
     let log = log.zip(summary).map(|(path, summary)| DownReport {
         log: path.clone(),
         sent: summary.frames,
@@ -163,9 +164,13 @@ fn on_a_set_that_is_up(args: &RunArgs, program: &Program) -> Result<(), Exit> {
     }
     let asked = Asked::connect(&args.set)?;
     let scale = asked.description.time_scale;
-    let knowledge = knowledge(asked.config)?;
+    let knowledge = Arc::clone(&asked.knowledge);
+    let failed = |error| Exit::of_program(error, &knowledge);
     // The state of the set is not known here, so only what is wrong with the program itself counts.
-    rehearse(program, &knowledge)?.filter(|error| !error.is_robots_fault()).map_or(Ok(()), Err)?;
+    rehearse(program, &knowledge)?
+        .filter(|error| !error.is_robots_fault())
+        .map_or(Ok(()), Err)
+        .map_err(failed)?;
     let stop = Arc::new(AtomicBool::new(false));
     let hang_up = asked.client.hang_up()?;
     let runtime = set::runtime()?;
@@ -179,12 +184,9 @@ fn on_a_set_that_is_up(args: &RunArgs, program: &Program) -> Result<(), Exit> {
     });
     let teller = Teller::new(args.json, &knowledge);
     let (totals, began) = (teller.totals(), Instant::now());
-    program.run(
-        Arc::new(Mutex::new(asked.client.of_a_program())),
-        knowledge,
-        teller,
-        &Limits { operations: None, stop },
-    )?;
+    let client = Arc::new(Mutex::new(asked.client.of_a_program()));
+    let limits = Limits { operations: None, stop };
+    program.run(client, Arc::clone(&knowledge), teller, &limits).map_err(failed)?;
     tell_summary(args.json, &totals, machine_time(began, scale), None)
 }
 
@@ -192,7 +194,9 @@ fn on_a_set_of_its_own(args: &RunArgs, home: &Home, program: &Program, source: S
     let config = config::load(args.start.config.as_deref())?;
     let knowledge = knowledge(config.clone())?;
     // The set will be just switched on, as the rehearsed one: what the robot refuses there, it will refuse here.
-    rehearse(program, &knowledge)?.map_or(Ok(()), Err)?;
+    let known = Arc::clone(&knowledge);
+    let failed = |error| Exit::of_program(error, &known);
+    rehearse(program, &knowledge)?.map_or(Ok(()), Err).map_err(failed)?;
     let log = set::log_path(args.start.log.as_ref(), &args.set.name)?;
     let scale = args.start.time_scale;
     let options = Options { home: home.clone(), config, scale, log, script: Some(source) };
@@ -232,7 +236,7 @@ fn on_a_set_of_its_own(args: &RunArgs, home: &Home, program: &Program, source: S
                 if !args.json {
                     let _ = set::down_line(&report, &mut io::stderr());
                 }
-                Err(error.into())
+                Err(failed(error))
             }
         }
     })
@@ -368,11 +372,5 @@ fn dry_error(error: &DryError) -> Exit {
         // As `ccu up` and a run on a set have it.
         DryError::Log(LogError::Exists { .. }) => Exit::wrong(miette!("{error}")),
         _ => Exit::could_not(miette!("{error}")),
-    }
-}
-
-impl From<ScriptError> for Exit {
-    fn from(error: ScriptError) -> Self {
-        Self::with_code(error.exit_code(), error)
     }
 }
