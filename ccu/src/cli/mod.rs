@@ -7,11 +7,13 @@ mod config;
 mod exit;
 mod panel;
 mod paper;
+mod plot;
 mod profile;
 mod run;
 mod service;
 mod set;
 mod show;
+mod timing;
 mod word;
 
 use std::path::PathBuf;
@@ -156,6 +158,19 @@ Examples:
   ccu profile --steps 5184            a movement, planned and run on the machine
   ccu profile --steps 200 --method paper --json --pulses")]
     Profile(profile::ProfileArgs),
+    /// Draw what a log holds, or how a ramp is made, as SVG or PNG
+    #[command(after_help = "\
+Examples:
+  ccu plot run.mcap -o run.svg                  speed, position and sense points of what moved
+  ccu plot run.mcap -o run.png --axis left_x,left_y --from 2 --to 3.5
+  ccu plot run.mcap -o plane.svg --what plane   speed over position, with the limit zones
+  ccu plot run.mcap -o gantt.svg --what timing  movements and digital lines as bars
+  ccu plot --profile -o table.svg               the ramp table
+  ccu plot --profile --steps 5184 -o move.svg   one movement, and the curve behind it
+  ccu plot --profile --which speed -o fig10.svg --method paper
+
+A file that is there already is replaced.")]
+    Plot(plot::PlotArgs),
     /// Check, show and describe configurations
     #[command(subcommand)]
     Config(config::ConfigCommand),
@@ -262,6 +277,7 @@ impl Command {
             Self::Inject(args) => panel::inject(&args),
             Self::Frames(args) => frames(&args),
             Self::Profile(args) => profile::profile(&args),
+            Self::Plot(args) => plot::plot(&args),
             Self::Config(command) => config::config(&command),
             Self::Completions(args) => paper::completions(&args),
             Self::Man(args) => paper::man(&args),
