@@ -5,6 +5,7 @@ mod ask;
 mod asked;
 mod config;
 mod exit;
+mod logs;
 mod panel;
 mod paper;
 mod plot;
@@ -149,8 +150,24 @@ Examples:
   ccu inject left_x switch=open            the limit switch never closes (closed, free)")]
     Inject(panel::InjectArgs),
     /// Show the frames of a log
-    #[command(after_help = "Examples:\n  ccu frames run.mcap\n  ccu frames run.mcap --axis left_x --json")]
-    Frames(FramesArgs),
+    #[command(after_help = "\
+Examples:
+  ccu frames run.mcap
+  ccu frames run.mcap --axis left_x --json
+  ccu frames run.mcap --from 12.5 --to 13     the frames of half a second
+  ccu frames run.mcap --op move --csv         the Move commands and the answers to them, as a table")]
+    Frames(logs::FramesArgs),
+    /// Look at a log as a whole
+    #[command(subcommand)]
+    Log(logs::LogCommand),
+    /// Make a complete log of one that was cut or damaged
+    #[command(after_help = "\
+Everything that is whole is kept as it is, and nothing is made up. What was lost is told.
+
+Examples:
+  ccu recover run.mcap -o whole.mcap
+  ccu recover run.mcap -o whole.mcap --json")]
+    Recover(logs::RecoverArgs),
     /// The ramp table of an axis, or the pulses of one movement
     #[command(after_help = "\
 Examples:
@@ -217,18 +234,6 @@ struct StartArgs {
     time_scale: TimeScale,
 }
 
-#[derive(Args)]
-struct FramesArgs {
-    /// The log
-    log: PathBuf,
-    /// Only frames of, or to, this axis
-    #[arg(long)]
-    axis: Option<String>,
-    /// One JSON object a frame
-    #[arg(long)]
-    json: bool,
-}
-
 /// Runs the command that was typed.
 #[must_use]
 pub fn main() -> ExitCode {
@@ -275,7 +280,9 @@ impl Command {
             Self::Send(args) => panel::send(&args),
             Self::Word(args) => word::word(&args),
             Self::Inject(args) => panel::inject(&args),
-            Self::Frames(args) => frames(&args),
+            Self::Frames(args) => logs::frames(&args),
+            Self::Log(command) => logs::log(&command),
+            Self::Recover(args) => logs::recover(&args),
             Self::Profile(args) => profile::profile(&args),
             Self::Plot(args) => plot::plot(&args),
             Self::Config(command) => config::config(&command),
@@ -289,18 +296,4 @@ impl Command {
             },
         }
     }
-}
-
-fn frames(args: &FramesArgs) -> Result<(), Exit> {
-    let mut out = std::io::BufWriter::new(std::io::stdout().lock());
-    let counts = crate::log::frames(&args.log, args.axis.as_deref(), args.json, &mut out)
-        .into_diagnostic()
-        .map_err(Exit::wrong)?;
-    if counts.truncated {
-        exit::say(&format!(
-            "the log ends in the middle of a record; the {} frames before that are shown",
-            counts.printed
-        ));
-    }
-    Ok(())
 }
