@@ -5,6 +5,8 @@
 //!                      │              │           │ index     └ filter
 //!                      │              │           └──► info
 //!                      │              └──► salvage ──► recover ──► a complete log again
+//!                      │ rotation  when the next file begins
+//!                      │ part      one MCAP file; file: the bytes of it that are whole
 //!                      │ senders   gaps in the sequence numbers
 //!                      │ order     one time order out of two services and eight senders
 //!                      │ view      frames decoded for JSON
@@ -17,6 +19,7 @@
 
 mod channels;
 mod events;
+mod file;
 mod filter;
 mod frames;
 mod header;
@@ -25,9 +28,11 @@ mod info;
 mod line;
 mod messages;
 mod order;
+mod part;
 mod reader;
 mod recorder;
 mod recover;
+mod rotation;
 mod salvage;
 mod schema;
 mod senders;
@@ -49,8 +54,9 @@ pub use header::{AxisNames, LogHeader, Timeline, WallTime};
 pub use info::{AlarmInfo, ChannelInfo, FramesInfo, GapInfo, LogInfo, LogState, info};
 pub use line::Lines;
 pub use reader::{LogReader, LoggedFrame};
-pub use recorder::run;
+pub use recorder::{RecorderStatus, run};
 pub use recover::{Lost, Recovery, recover};
+pub use rotation::Rotation;
 pub use senders::Gap;
 pub use view::{
     AboutView, AlarmView, AnswerView, AxisView, CommandView, DigitalView, FrameView, RefusalView, ReportView,
@@ -68,20 +74,26 @@ pub enum LogError {
         path: PathBuf,
     },
     /// The file cannot be made.
-    #[error("cannot create the log {}: {source}", .path.display())]
+    #[error("cannot create the log {}: {error}", .path.display())]
     Create {
         /// The file.
         path: PathBuf,
         /// What the system said.
-        source: io::Error,
+        error: io::Error,
     },
     /// A full disk, for example. What was written before is readable.
-    #[error("cannot write the log {}: {}", .path.display(), reason(.source))]
+    #[error("cannot write the log {}: {}", .path.display(), reason(.error))]
     Write {
         /// The file.
         path: PathBuf,
         /// What the system or the format said.
-        source: mcap::McapError,
+        error: mcap::McapError,
+    },
+    /// There is no room for more than the end of the log. It was written: nothing is missing in it up to there.
+    #[error("no room is left for the log {}", .path.display())]
+    Full {
+        /// The file.
+        path: PathBuf,
     },
     /// The file cannot be opened or read.
     #[error("cannot read the log {}: {source}", .path.display())]
@@ -147,6 +159,20 @@ pub enum LogError {
     /// The frames cannot be printed.
     #[error("cannot write the frames: {0}")]
     Output(io::Error),
+}
+
+impl LogError {
+    /// Whether there is no more room: on the disk, in the quota, or for one file.
+    #[must_use]
+    pub fn is_full(&self) -> bool {
+        match self {
+            Self::Full { .. } => true,
+            Self::Create { error, .. } | Self::Write { error: mcap::McapError::Io(error), .. } => {
+                file::is_full(error)
+            }
+            _ => false,
+        }
+    }
 }
 
 /// The system's words rather than the format library's "I/O error".

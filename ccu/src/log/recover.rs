@@ -88,7 +88,7 @@ pub fn recover(log: &Path, out: &Path) -> Result<Recovery, LogError> {
         return Err(exists());
     }
     let read = |source| LogError::Read { path: log.to_owned(), source };
-    let create = |source| LogError::Create { path: out.to_owned(), source };
+    let create = |error| LogError::Create { path: out.to_owned(), error };
     let input = BufReader::with_capacity(1 << 18, File::open(log).map_err(read)?);
     let temporary = Temporary::beside(out).map_err(create)?;
     let mut file =
@@ -135,7 +135,7 @@ impl Trouble {
     fn with(self, log: &Path, out: &Path) -> LogError {
         match self {
             Self::Read(source) => LogError::Read { path: log.to_owned(), source },
-            Self::Write(source) => LogError::Write { path: out.to_owned(), source },
+            Self::Write(error) => LogError::Write { path: out.to_owned(), error },
             Self::NotALog(what) => LogError::NotALog { path: log.to_owned(), what },
             Self::NothingIn => LogError::NothingIn { path: log.to_owned() },
             Self::NotAsWritten(what) => LogError::NotAsWritten { path: out.to_owned(), what },

@@ -8,6 +8,7 @@ mod info;
 mod order;
 mod recorder;
 mod recover;
+mod rotation;
 mod schema;
 mod view;
 
