@@ -96,10 +96,10 @@ pub enum Failure {
         /// The card.
         card: Address,
     },
-    /// The recorder is gone.
-    #[error("the recorder is gone, and nothing moves without a log")]
-    #[diagnostic(help("look at the free space where the log is, then take the set down and up again"))]
-    NoLog,
+    /// There is no log any more.
+    #[error("{}; nothing moves without a log", .0.reason)]
+    #[diagnostic(help("{}", .0.advice))]
+    NoLog(LogTrouble),
     /// Frames were lost between cards and CCU.
     #[error("{lost} frames of {card} were lost on the bus")]
     FramesLost {
@@ -186,6 +186,15 @@ pub enum Failure {
         /// What happened.
         reason: String,
     },
+}
+
+/// Why there is no log, or none any more.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct LogTrouble {
+    /// What happened, to which file, and how much is in it.
+    pub reason: String,
+    /// What to do.
+    pub advice: String,
 }
 
 impl Failure {
