@@ -107,7 +107,9 @@ impl Findings {
             ("rotate_min", config.log.rotate_min, 0.01, "minutes"),
         ] {
             if value.is_some_and(|value| !(value >= least && value.is_finite())) {
-                let reason = format!("a part of the log has at least {least} {unit}; leave the key out to have one file");
+                let reason = format!(
+                    "a part of the log has at least {least} {unit}; leave the key out to have one file"
+                );
                 self.add(KeyPath::default().key("log").key(key), Problem::Refused { reason });
             }
         }

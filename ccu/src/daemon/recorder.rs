@@ -86,6 +86,9 @@ pub struct RecorderArgs {
     /// The log
     #[arg(long, value_name = "FILE")]
     pub log: PathBuf,
+    /// The first file of it that is this recorder's
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub part: u32,
 }
 
 /// Records until the lifeline ends and everybody has left. Whether what went wrong has been said already, on the
@@ -105,7 +108,7 @@ pub fn record(args: &RecorderArgs) -> miette::Result<bool> {
     let flush = Duration::from_millis(config.log.flush_ms.into());
     outlive_file_size_limit().into_diagnostic()?;
     let mouth = Mouth::open().into_diagnostic()?;
-    let writer = match LogWriter::create(&args.log, header, flush) {
+    let writer = match LogWriter::resume(&args.log, args.part, header, flush) {
         Ok(writer) => writer.rotating(Rotation::from(&config.log)),
         Err(error) => return mouth.fail(&error, trouble_at_start(&error)),
     };
@@ -115,13 +118,19 @@ pub fn record(args: &RecorderArgs) -> miette::Result<bool> {
     mouth.say(Said::Ready);
     let clock = Clock::new(Monotonic::from_nanos(args.epoch), args.time_scale);
     let mut last = RecorderStatus::default();
-    let recorded = run(tap, writer, || clock.now(), &stop, |status| {
-        mouth.mention(Said::Status(status.clone()));
-        if status.full && !last.full {
-            mouth.say(Said::Failed { cause: Cause::DiskFull, trouble: no_room(&status.log) });
-        }
-        last = status.clone();
-    });
+    let recorded = run(
+        tap,
+        writer,
+        || clock.now(),
+        &stop,
+        |status| {
+            mouth.mention(Said::Status(status.clone()));
+            if status.full && !last.full {
+                mouth.say(Said::Failed { cause: Cause::DiskFull, trouble: no_room(&status.log) });
+            }
+            last = status.clone();
+        },
+    );
     match recorded {
         Ok(summary) => {
             mouth.say(Said::Done(summary));
@@ -218,8 +227,9 @@ fn trouble_on_the_way(error: &LogError, log: &LogSummary) -> LogTrouble {
 fn told_with(what: &str, log: &LogSummary) -> LogTrouble {
     LogTrouble {
         reason: format!("{what}: {} frames in {} bytes are in it, whole and readable", log.frames, log.bytes),
-        advice: "make room on that disk, or choose another one with --log; then take the set down and up again"
-            .to_owned(),
+        advice:
+            "make room on that disk, or choose another one with --log; then take the set down and up again"
+                .to_owned(),
     }
 }
 

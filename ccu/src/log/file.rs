@@ -99,7 +99,9 @@ impl LogFile {
             .file
             .set_len(whole)
             .and_then(|()| self.file.write_all_at(&end_without_summary(), whole))
-            .inspect(|()| self.ledger.bytes.store(whole + end_without_summary().len() as u64, Ordering::Relaxed));
+            .inspect(|()| {
+                self.ledger.bytes.store(whole + end_without_summary().len() as u64, Ordering::Relaxed)
+            });
         if let Err(error) = ended.and_then(|()| self.file.sync_all()) {
             tracing::debug!(%error, "the log has no end record");
             // Then it is a log that was cut, and is read as such.

@@ -90,11 +90,7 @@ impl Part {
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub(super) fn axis(
-        &mut self,
-        axis: AxisNumber,
-        header: &LogHeader,
-    ) -> Result<u16, LogError> {
+    pub(super) fn axis(&mut self, axis: AxisNumber, header: &LogHeader) -> Result<u16, LogError> {
         self.channels.axis(axis, &mut self.mcap, header).map_err(|error| failed(&self.path, error))
     }
 

@@ -31,7 +31,8 @@ fn parts(summary: &LogSummary) -> Vec<Vec<LoggedFrame>> {
             assert_eq!(reader.header(), Some(&header()));
             let bytes = fs::read(part).expect("readable");
             let file = mcap::Summary::read(&bytes).expect("MCAP").expect("with a summary");
-            let index = file.metadata_indexes.iter().find(|index| index.name == "supersigma").expect("metadata");
+            let index =
+                file.metadata_indexes.iter().find(|index| index.name == "supersigma").expect("metadata");
             let entries = mcap::read::metadata(&bytes, index).expect("whole").metadata;
             assert_eq!(entries["part"], u32::to_string(&number));
             assert_eq!(entries.get("previous").cloned(), previous.replace(name(part)));
