@@ -53,8 +53,9 @@ pub(super) struct Sitting {
 }
 
 impl Sitting {
-    /// The same for clients; `alive` is whether the card has been heard lately.
-    pub(super) fn view(self, alive: bool) -> ProcessView {
+    /// The same for clients; `alive` is whether the card has been heard lately, `restarts` whether what ends is started
+    /// again.
+    pub(super) fn view(self, alive: bool, restarts: bool) -> ProcessView {
         ProcessView {
             role: ProcessRole::Worker,
             card: Some(self.card),
@@ -62,7 +63,8 @@ impl Sitting {
             state: match self.pid {
                 Some(_) if alive => ProcessState::Running,
                 Some(_) => ProcessState::Silent,
-                None => ProcessState::Restarting,
+                None if restarts => ProcessState::Restarting,
+                None => ProcessState::Ended,
             },
             since_ms: self.since.elapsed().as_millis().try_into().unwrap_or(u64::MAX),
             restarts: self.restarts,
@@ -181,15 +183,19 @@ impl Keeper {
         }
     }
 
-    /// Takes note that nobody plays the card; says how often that has happened in a row. `None` before all have joined.
+    /// Takes note that nobody plays the card; says how often that has happened in a row. `None` if it stays so.
     fn vacate(&self, card: Address) -> Option<u32> {
         let mut state = self.state();
-        let settled = state.settled;
-        let seat = state.seats.get_mut(&card).filter(|_| settled)?;
+        let again = state.settled && self.restarts();
+        let seat = state.seats.get_mut(&card)?;
         seat.process = None;
         seat.failures = if seat.since.elapsed() < SETTLED { seat.failures + 1 } else { 1 };
         seat.since = Instant::now();
-        Some(seat.failures)
+        again.then_some(seat.failures)
+    }
+
+    fn restarts(&self) -> bool {
+        self.births.exchange.knowledge().config.supervision.restart
     }
 
     /// Says how often the card's process has been started again, with this time; `None` if nothing shall be started.

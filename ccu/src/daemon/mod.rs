@@ -311,8 +311,10 @@ fn describer(
             _ => None,
         };
         let alive = |card: &Address| cards.get(card).is_some_and(|life| life.alive);
-        let processes = workers.sittings().into_iter().map(|sitting| sitting.view(alive(&sitting.card)));
         let config = &exchange.knowledge().config;
+        let restarts = config.supervision.restart;
+        let sittings = workers.sittings().into_iter();
+        let processes = sittings.map(|sitting| sitting.view(alive(&sitting.card), restarts));
         let counts = exchange.counts();
         Description {
             name: name.clone(),

@@ -59,8 +59,8 @@ pub(super) struct Ear {
     pub(super) no_log: Box<dyn Fn(LogTrouble) + Send>,
     /// Whether processes end because they shall.
     pub(super) leaving: Box<dyn Fn() -> bool + Send>,
-    /// What follows when the recorder is gone without a word.
-    pub(super) again: Again,
+    /// What follows when the recorder is gone without a word; nothing if `None`.
+    pub(super) again: Option<Again>,
 }
 
 impl Recording {
@@ -97,7 +97,8 @@ impl Recording {
                 if !recording.has_gone(&words, &ear) {
                     break;
                 }
-                let Some((next, pid)) = (ear.again)(recording.parts() + 1) else { break };
+                let again = ear.again.as_ref().and_then(|again| again(recording.parts() + 1));
+                let Some((next, pid)) = again else { break };
                 recording.goes_on(pid);
                 words = next;
             }
@@ -205,9 +206,15 @@ impl Recording {
                 view.bytes,
                 view.log.display()
             ),
-            advice: "another one is started, and the log goes on in another file; then `ccu clear`, and go on; `ccu recover` \
-                     mends the file that was cut"
-                .to_owned(),
+            advice: if ear.again.is_some() {
+                "another one is started, and the log goes on in another file; then `ccu clear`, and go on; `ccu recover` \
+                 mends the file that was cut"
+                    .to_owned()
+            } else {
+                "what was recorded can be read; look at the free space where the log is, then take the set down and up \
+                 again"
+                    .to_owned()
+            },
         };
         self.fail(RecorderState::Stopped, trouble, ear);
         true

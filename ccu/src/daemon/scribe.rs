@@ -39,9 +39,11 @@ impl Scribe {
                 let leaving = Arc::clone(&births.leaving);
                 Box::new(move || leaving.is_set())
             },
-            again: {
+            again: if births.exchange.knowledge().config.supervision.restart {
                 let (births, log, process) = (births.clone(), log.to_owned(), Arc::clone(&process));
-                Box::new(move |part| again(&births, &log, part, &process))
+                Some(Box::new(move |part| again(&births, &log, part, &process)))
+            } else {
+                None
             },
         };
         let last_words = recording.listen(Words { lines, ended }, ear);
