@@ -170,7 +170,7 @@ impl Recording {
         let log = self.log.display();
         match ear.on_loss {
             OnLoss::Warn => {
-                tracing::error!(lost, log = %log, "frames are missing from the log; motion goes on")
+                tracing::error!(lost, log = %log, "frames are missing from the log; motion goes on");
             }
             OnLoss::Stop => {
                 let trouble = LogTrouble {

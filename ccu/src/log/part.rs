@@ -46,7 +46,7 @@ impl Part {
     ) -> Result<Self, LogError> {
         let file = LogFile::create(path)?;
         let ledger = file.ledger();
-        let begin = move || -> Result<_, McapError> {
+        let preamble = move || -> Result<_, McapError> {
             let mut mcap = WriteOptions::new()
                 .profile(METADATA_NAME)
                 // One thread is plenty for a bus.
@@ -58,10 +58,12 @@ impl Part {
             mcap.flush()?;
             Ok((mcap, channels))
         };
-        let (mcap, channels) = begin().map_err(|error| {
+        let ready = preamble().map_err(|error| failed(path, error)).and_then(|ready| {
+            if ledger.is_full() { Err(LogError::Full { path: path.to_owned() }) } else { Ok(ready) }
+        });
+        let (mcap, channels) = ready.inspect_err(|_| {
             // It was made just now, and holds nothing.
             let _ = fs::remove_file(path);
-            LogError::Write { path: path.to_owned(), error }
         })?;
         Ok(Self { path: path.to_owned(), mcap, channels, ledger, began })
     }

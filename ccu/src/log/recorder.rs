@@ -70,7 +70,7 @@ pub fn run(
             }
         };
         if let Err(error) = writer.advance(now) {
-            tell(&RecorderStatus { log: writer.saved().clone(), full: error.is_full(), ..news.told });
+            tell(&RecorderStatus { log: writer.saved().clone(), ..news.told });
             return Err(error);
         }
         news.tell(&mut writer, now, &mut tell);
@@ -120,7 +120,6 @@ impl News {
 fn finish(writer: LogWriter, tell: &mut impl FnMut(&RecorderStatus)) -> Result<LogSummary, LogError> {
     let (saved, full) = (writer.saved().clone(), writer.is_full());
     let finished = writer.finish();
-    let full = full || finished.as_ref().is_err_and(LogError::is_full);
     tell(&RecorderStatus { log: finished.as_ref().unwrap_or(&saved).clone(), behind_ms: 0, full });
     finished
 }
