@@ -4,6 +4,8 @@ use miette::Diagnostic;
 use serde::{Deserialize, Serialize};
 use supersigma_protocol::{Address, Alarm, AxisNumber, Position, Refusal, Steps};
 
+use super::request::Begun;
+
 /// Why something did not come about.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, thiserror::Error, Diagnostic)]
 #[serde(rename_all = "snake_case")]
@@ -139,6 +141,22 @@ pub enum Failure {
         /// Another one.
         other: AxisNumber,
     },
+    /// Several movements that were waited for together have failed.
+    #[error("{} movements failed: {}", failures.len(), list(failures))]
+    #[diagnostic(help("look at each of these axes"))]
+    Several {
+        /// Why, each.
+        failures: Vec<Failure>,
+    },
+    /// Something was to be begun that does not go on for a while.
+    #[error("only a movement can be begun")]
+    NotAMovement,
+    /// Something was to be waited for that was not begun, or has been waited for already.
+    #[error("no movement {} was begun here that nobody has waited for", begun.0)]
+    NoSuchMovement {
+        /// Its number.
+        begun: Begun,
+    },
     /// Nothing was halted.
     #[error("nothing was halted that could be resumed")]
     NothingToResume,
@@ -196,12 +214,19 @@ impl Failure {
             Self::NoSuchAxis { .. }
             | Self::TooFar { .. }
             | Self::EmptyLine
+            | Self::NotAMovement
+            | Self::NoSuchMovement { .. }
             | Self::DifferentRamps { .. }
             | Self::SpeedOutOfRange { .. } => 2,
             Self::BusGone { .. } | Self::NoSet { .. } | Self::Control { .. } | Self::GoingDown => 3,
+            Self::Several { failures } => failures.first().map_or(1, Self::exit_code),
             _ => 1,
         }
     }
+}
+
+fn list(failures: &[Failure]) -> String {
+    failures.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
 }
 
 fn place(position: Option<Position>) -> String {
