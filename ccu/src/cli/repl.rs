@@ -249,7 +249,12 @@ impl Words {
 
 impl Completer for Words {
     type Candidate = String;
-    fn complete(&self, line: &str, cursor: usize, _: &Context<'_>) -> rustyline::Result<(usize, Vec<String>)> {
+    fn complete(
+        &self,
+        line: &str,
+        cursor: usize,
+        _: &Context<'_>,
+    ) -> rustyline::Result<(usize, Vec<String>)> {
         Ok(self.continuations(line, cursor))
     }
 }

@@ -55,11 +55,11 @@ impl<L: Link> Executive<L> {
             }
             self.look_after(ids, (until == Until::Now).then_some(glance))?;
         }
-        let over: Vec<Begun> =
-            ids.iter().copied().filter(|id| self.of(&[*id]).all(Watch::is_over)).collect();
+        let over: Vec<Begun> = ids.iter().copied().filter(|id| self.of(&[*id]).all(Watch::is_over)).collect();
         let ended = over.into_iter().filter_map(|id| self.take_watch(id)).map(|watch| {
             let (begun, asked, made) = (watch.id, watch.asked.clone(), watch.made.clone());
-            let moved = |movements: Vec<_>| movements.into_iter().map(|rest| whole(rest, &asked, &made)).collect();
+            let moved =
+                |movements: Vec<_>| movements.into_iter().map(|rest| whole(rest, &asked, &made)).collect();
             Ended { begun, result: watch.result().map(moved) }
         });
         Ok(Outcome::Ended(ended.collect()))

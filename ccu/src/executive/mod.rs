@@ -22,13 +22,13 @@ use supersigma_protocol::{
 };
 
 pub use failure::Failure;
-pub use link::{Common, Heard, Knowledge, Link};
 use link::Paused;
-use watch::Watch;
+pub use link::{Common, Heard, Knowledge, Link};
 pub use request::{
-    AxisState, Begun, Displacement, Ended, Leg, Movement, MovementKind, Outcome, RawAnswer, Recovery, Remainder,
-    Request, Until,
+    AxisState, Begun, Displacement, Ended, Leg, Movement, MovementKind, Outcome, RawAnswer, Recovery,
+    Remainder, Request, Until,
 };
+use watch::Watch;
 
 /// Somebody who carries out requests: an executive, or a client of one.
 pub trait Operate {

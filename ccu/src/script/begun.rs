@@ -52,7 +52,8 @@ impl Handle {
     }
 
     fn end(&self, ended: &Ended) {
-        for part in lock(&self.0).iter_mut().filter(|part| part.begun == ended.begun && part.result.is_none()) {
+        for part in lock(&self.0).iter_mut().filter(|part| part.begun == ended.begun && part.result.is_none())
+        {
             part.result = Some(ended.result.clone());
         }
     }

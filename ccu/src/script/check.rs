@@ -34,8 +34,10 @@ enum Kind {
     Legs,
     Output,
     Input,
-    Level,
-    Seconds,
+    /// On or off, and what the signature calls it.
+    Level(&'static str),
+    /// A span, and what the signature calls it.
+    Seconds(&'static str),
 }
 
 /// All that is wrong with the text of a program, in the order of the text; and the program, if it can be run.
@@ -159,8 +161,7 @@ impl Checker<'_> {
             let help = language::instead_of(name).map_or_else(
                 || {
                     let own = self.ast.iter_functions().map(|function| function.name);
-                    let functions: Vec<&str> =
-                        SIGNATURES.iter().map(|(name, _)| *name).chain(own).collect();
+                    let functions: Vec<&str> = SIGNATURES.iter().map(|(name, _)| *name).chain(own).collect();
                     choose(name, functions.into_iter(), "the functions of the robot and of this program are")
                 },
                 str::to_owned,
@@ -173,13 +174,16 @@ impl Checker<'_> {
         if counts.contains(&count) || (is_method && own.is_some()) {
             return true;
         }
+        // What a method is called on is not among its arguments.
+        let of_calls = |count: usize| count.saturating_sub(usize::from(is_method));
+        let count = of_calls(count);
         let arguments = if count == 1 { "argument" } else { "arguments" };
         let robots = SIGNATURES.iter().find(|(function, _)| *function == name);
         let help = match (robots, own) {
             (Some((_, calls)), _) => format!("call it as {calls}"),
             (None, Some(own)) => format!("it is defined as `{name}({})`", own.params.join(", ")),
             (None, None) => {
-                let counts: Vec<String> = counts.iter().map(ToString::to_string).collect();
+                let counts: Vec<String> = counts.iter().map(|count| of_calls(*count).to_string()).collect();
                 format!("it takes {}", counts.join(" or "))
             }
         };
@@ -222,8 +226,8 @@ impl Checker<'_> {
             Kind::Axes => drop(read::axes(knowledge, value)?),
             Kind::Output => drop(read::line(knowledge, Lines::Outputs, value)?),
             Kind::Input => drop(read::line(knowledge, Lines::Inputs, value)?),
-            Kind::Level => drop(read::level("level", value)?),
-            Kind::Seconds => drop(read::seconds("seconds", value)?),
+            Kind::Level(what) => drop(read::level(what, value)?),
+            Kind::Seconds(what) => drop(read::seconds(what, value)?),
             Kind::Steps => {
                 let steps = read::whole("steps", value)?;
                 if !is_tried {
@@ -319,10 +323,10 @@ fn kinds(function: &str, count: usize) -> &'static [Kind] {
         ("line_to" | "path_to", _) => &[Kind::Targets, Kind::Speed],
         ("speed", 1) => &[Kind::Ceiling],
         ("speed", 2) => &[Kind::Axis, Kind::Ceiling],
-        ("wait", 1) => &[Kind::Seconds],
-        ("output", 2) => &[Kind::Output, Kind::Level],
+        ("wait", 1) => &[Kind::Seconds("seconds")],
+        ("output", 2) => &[Kind::Output, Kind::Level("on")],
         ("input", 1) => &[Kind::Input],
-        ("wait_for", 3) => &[Kind::Input, Kind::Level, Kind::Seconds],
+        ("wait_for", 3) => &[Kind::Input, Kind::Level("level"), Kind::Seconds("timeout")],
         _ => &[],
     }
 }

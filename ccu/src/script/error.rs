@@ -392,9 +392,13 @@ fn line_and_column(text: &str, offset: usize) -> (usize, usize) {
     (before.matches('\n').count() + 1, before[start..].chars().count() + 1)
 }
 
-/// The word or sign that begins there.
+/// The word, text in quotes, or sign that begins there.
 fn span(text: &str, offset: usize) -> SourceSpan {
     let rest = &text[offset..];
+    let quoted = rest.strip_prefix('"').and_then(|inside| inside.split_once('"'));
+    if let Some((inside, _)) = quoted.filter(|(inside, _)| !inside.contains('\n')) {
+        return SourceSpan::from((offset, inside.len() + 2));
+    }
     let word = rest.find(|letter: char| !letter.is_alphanumeric() && letter != '_').unwrap_or(rest.len());
     let sign = rest.chars().next().map_or(0, char::len_utf8);
     SourceSpan::from((offset, word.max(sign)))

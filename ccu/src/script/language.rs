@@ -92,7 +92,9 @@ pub(super) fn register_blocks(
     let [first, second] = BLOCKS;
     for result in [
         engine
-            .register_custom_syntax([first, "$block$"], false, move |context, parts| begin(context, &parts[0]))
+            .register_custom_syntax([first, "$block$"], false, move |context, parts| {
+                begin(context, &parts[0])
+            })
             .map(drop),
         engine
             .register_custom_syntax([second, "$block$"], false, move |context, parts| {

@@ -23,8 +23,8 @@ use rhai::{AST, Dynamic, Engine, EvalAltResult};
 
 use crate::executive::{Knowledge, Movement, Operate};
 
-pub use error::{Place, ScriptError};
 pub use check::check;
+pub use error::{Place, ScriptError};
 pub use parameters::Settings;
 pub use session::{Entered, Session, is_open};
 

@@ -24,12 +24,12 @@ pub(super) fn declared(ast: &AST, source: &NamedSource<Arc<str>>) -> Result<Vec<
     let mut computed: Option<Position> = None;
     ast.walk(&mut |path| {
         let (call, position) = match path.last() {
-            Some(ASTNode::Expr(Expr::FnCall(call, position)) | ASTNode::Stmt(Stmt::FnCall(call, position))) => {
-                (call, *position)
-            }
+            Some(
+                ASTNode::Expr(Expr::FnCall(call, position)) | ASTNode::Stmt(Stmt::FnCall(call, position)),
+            ) => (call, *position),
             _ => return true,
         };
-        if call.name == "param" {
+        if call.name == "param" && (1..=2).contains(&call.args.len()) {
             match call.args.first() {
                 Some(Expr::StringConstant(name, _)) if !names.iter().any(|known| known == name.as_str()) => {
                     names.push(name.to_string());
@@ -63,7 +63,11 @@ pub(super) fn unknown(name: &str, declared: &[String], source: &NamedSource<Arc<
 }
 
 /// The value of a parameter: what it is set to, or the default.
-pub(super) fn value(settings: &Settings, name: &Dynamic, default: Option<&Dynamic>) -> Result<Dynamic, Trouble> {
+pub(super) fn value(
+    settings: &Settings,
+    name: &Dynamic,
+    default: Option<&Dynamic>,
+) -> Result<Dynamic, Trouble> {
     let Ok(name) = name.as_immutable_string_ref() else {
         return Err(Trouble::wrong(format!("a parameter's name is text, not {}", describe(name))));
     };
@@ -85,7 +89,9 @@ pub(super) fn value(settings: &Settings, name: &Dynamic, default: Option<&Dynami
         (Some(text.into()), "text")
     } else {
         let found = describe(default);
-        return Err(Trouble::wrong(format!("a parameter's default is a number, true, false or text, not {found}")));
+        return Err(Trouble::wrong(format!(
+            "a parameter's default is a number, true, false or text, not {found}"
+        )));
     };
     read.ok_or_else(|| Trouble::Wrong {
         message: format!("the parameter {:?} must be {what}, not {text:?}", name.as_str()),

@@ -80,7 +80,11 @@ impl Robot {
         let by = target.saturating_sub(self.where_is(axis)?);
         let most = i64::from(Distance::MAX.get());
         // A rail may be longer than what one command can ask for: then as few parts as possible, of like length.
-        let parts = by / most + by.signum() * i64::from(by % most != 0);
+        let parts = match by / most + by.signum() * i64::from(by % most != 0) {
+            // What is begun is one movement: nobody would begin its second part.
+            _ if !self.blocks.is_empty() => by.signum(),
+            parts => parts,
+        };
         if parts.abs() > 1 {
             self.within_travel(axis, target)?;
         }
@@ -91,11 +95,6 @@ impl Robot {
             Displacement(by)
         });
         let parts: Vec<_> = parts.collect();
-        if parts.len() > 1 && !self.blocks.is_empty() {
-            // What is begun goes on by itself.
-            let legs = parts.into_iter().map(|by| Leg { parts: vec![(axis, by)], speed }).collect();
-            return self.moved(Request::Path { legs, wait: true });
-        }
         let mut movements = Vec::with_capacity(parts.len());
         for by in parts {
             movements.extend(self.make(Request::Move { axis, by, speed, constant: false, wait: true })?);
@@ -206,7 +205,11 @@ impl Robot {
     }
 
     /// A parameter of the program.
-    pub(super) fn parameter(&mut self, name: &Dynamic, default: Option<&Dynamic>) -> Result<Dynamic, Trouble> {
+    pub(super) fn parameter(
+        &mut self,
+        name: &Dynamic,
+        default: Option<&Dynamic>,
+    ) -> Result<Dynamic, Trouble> {
         parameters::value(&self.settings, name, default)
     }
 

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
 use miette::NamedSource;
-use rhai::{AST, Dynamic, Engine, EvalAltResult, Scope};
+use rhai::{AST, Dynamic, Engine, EvalAltResult, Position, Scope};
 
 use crate::executive::{Knowledge, Operate};
 
@@ -15,8 +15,8 @@ use super::{ScriptError, Settings, Watcher, language, lock, placed, print_to};
 
 /// Words of the language that begin something.
 const WORDS: [&str; 16] = [
-    "let", "const", "fn", "if", "else", "while", "loop", "for", "in", "switch", "try", "catch", "throw", "return",
-    "print", "debug",
+    "let", "const", "fn", "if", "else", "while", "loop", "for", "in", "switch", "try", "catch", "throw",
+    "return", "print", "debug",
 ];
 
 /// What came of a text that was entered.
@@ -37,6 +37,8 @@ pub struct Session {
     /// The functions that have been defined.
     functions: AST,
     robot: Arc<Mutex<Robot>>,
+    /// Raised by `exit()`.
+    left: Arc<AtomicBool>,
     /// All that has been entered; a place in it is what an error points at.
     text: String,
     name: &'static str,
@@ -60,7 +62,14 @@ impl Session {
         let robot = Robot::new(operator, knowledge, watcher, Arc::clone(stop), settings);
         let robot = Arc::new(Mutex::new(robot));
         functions::register(&mut engine, &robot);
-        Self { engine, scope: Scope::new(), functions: AST::empty(), robot, text: String::new(), name }
+        let left = Arc::new(AtomicBool::new(false));
+        let leaves = Arc::clone(&left);
+        // The engine takes an exit for a value.
+        engine.register_fn("exit", move || -> Result<(), Box<EvalAltResult>> {
+            leaves.store(true, Ordering::Relaxed);
+            Err(EvalAltResult::Exit(Dynamic::UNIT, Position::NONE).into())
+        });
+        Self { left, engine, scope: Scope::new(), functions: AST::empty(), robot, text: String::new(), name }
     }
 
     /// Carries out a text. What it has begun goes on when it is over.
@@ -79,11 +88,11 @@ impl Session {
         let ast = self.functions.merge(&entered);
         let variables = self.scope.len();
         match self.engine.eval_ast_with_scope::<Dynamic>(&mut self.scope, &ast) {
+            Ok(_) if self.left.swap(false, Ordering::Relaxed) => Ok(Entered::Left),
             Ok(value) => {
                 self.functions = ast.clone_functions_only();
                 Ok(if value.is_unit() { Entered::Nothing } else { Entered::Value(shown(&value)) })
             }
-            Err(error) if matches!(*error, EvalAltResult::Exit(..)) => Ok(Entered::Left),
             Err(error) => {
                 // A text that fails in its middle leaves no half of its variables.
                 self.scope.rewind(variables);
@@ -159,7 +168,9 @@ pub fn is_open(text: &str) -> bool {
                     Some(_) => {}
                 }
             },
-            '/' if letters.next_if_eq(&'/').is_some() => drop(letters.by_ref().find(|letter| *letter == '\n')),
+            '/' if letters.next_if_eq(&'/').is_some() => {
+                drop(letters.by_ref().find(|letter| *letter == '\n'))
+            }
             '/' if letters.next_if_eq(&'*').is_some() => {
                 let mut last = ' ';
                 loop {
@@ -182,7 +193,9 @@ mod tests {
 
     #[test]
     fn a_text_is_open_until_its_last_bracket_closes() {
-        for open in ["fn f() {", "line(#{ left_x: 1,", "together {\n move_by(1, 2);", "/* a", "`a ${b", "[1, [2]"] {
+        for open in
+            ["fn f() {", "line(#{ left_x: 1,", "together {\n move_by(1, 2);", "/* a", "`a ${b", "[1, [2]"]
+        {
             assert!(is_open(open), "{open}");
         }
         for closed in [
