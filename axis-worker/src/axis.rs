@@ -40,9 +40,9 @@ struct Told {
     alarm: Option<Alarm>,
 }
 
-impl From<&AxisReport> for Told {
-    fn from(report: &AxisReport) -> Self {
-        Self { sense: report.sense, activity: report.activity, alarm: report.alarm }
+impl Told {
+    fn now(firmware: &Firmware, board: &Board) -> Self {
+        Self { sense: firmware.sense_word(board), activity: firmware.activity(), alarm: firmware.alarm() }
     }
 }
 
@@ -53,8 +53,8 @@ impl Axis {
     /// If the ramp does not give a table, or the motor cannot be.
     pub fn new(axis: &AxisConfig, ramp: &RampConfig) -> Result<Self, AxisError> {
         let firmware = Firmware::new(axis, ramp)?;
-        let mut board = Board::new(Mechanism::new(axis)?);
-        let told = Told::from(&firmware.report(&mut board));
+        let board = Board::new(Mechanism::new(axis)?);
+        let told = Told::now(&firmware, &board);
         Ok(Self { number: axis.address, firmware, board, told })
     }
 
@@ -89,9 +89,21 @@ impl Axis {
         self.firmware.wake_at().into_iter().chain(change).min()
     }
 
+    /// The next tick at which it may have something to say by itself: all that happens before goes unnoticed.
+    #[must_use]
+    pub fn next_news(&self) -> Option<Tick> {
+        if self.mechanism().has_rotor() {
+            return self.next_event();
+        }
+        self.firmware.next_news(&self.board)
+    }
+
     /// Lets time pass up to and including `to`.
-    pub fn advance(&mut self, to: Tick, sink: &mut impl Sink) {
+    pub fn advance<S: Sink>(&mut self, to: Tick, sink: &mut S) {
         loop {
+            if !S::PULSES && !self.mechanism().has_rotor() {
+                self.firmware.leap(to, &mut self.board);
+            }
             let wake = self.firmware.wake_at().filter(|wake| *wake <= to);
             if self.board.run(wake.unwrap_or(to), sink) {
                 self.firmware.sense(&mut self.board, sink);
@@ -135,21 +147,25 @@ impl Axis {
 
     /// The state now, to be sent: what it says need not be told again.
     pub fn report(&mut self) -> AxisReport {
-        let report = self.firmware.report(&mut self.board);
-        self.told = Told::from(&report);
-        report
+        self.told = Told::now(&self.firmware, &self.board);
+        self.firmware.report(&mut self.board)
+    }
+
+    /// Whether it is on its way: not standing, not waiting for a start.
+    #[must_use]
+    pub fn is_under_way(&self) -> bool {
+        !matches!(self.firmware.activity(), Activity::Standing | Activity::Armed)
     }
 
     fn tell_changes(&mut self, sink: &mut impl Sink) {
-        let report = self.firmware.report(&mut self.board);
-        let news = Told::from(&report);
+        let news = Told::now(&self.firmware, &self.board);
         if news != self.told {
             self.told = news;
             sink.answer(Answer {
                 card: self.number.address(),
                 about: About::Unasked(Occasion::Changed),
                 acted_at: self.board.now(),
-                report: Report::Axis(report),
+                report: Report::Axis(self.firmware.report(&mut self.board)),
             });
         }
     }

@@ -4,12 +4,15 @@
 use supersigma_config::Config;
 use supersigma_protocol::{
     About, Address, Alarm, Answer, AxisNumber, Body, Broadcast, CardKind, Command, Frame, Occasion, Refusal,
-    Report, Sender, Sequence, Tick,
+    Report, Sender, Sequence, Tick, Ticks,
 };
 
 use crate::axis::{Axis, AxisError};
 use crate::board::Sink;
 use crate::digital::Digital;
+
+/// Ticks in a millisecond of machine time.
+const TICKS_PER_MS: u64 = Tick::PER_SECOND / 1_000;
 
 /// A motor card, or the two digital cards that share a process.
 #[derive(Debug)]
@@ -17,6 +20,8 @@ pub struct Card {
     kind: Kind,
     /// The sequence number that the CCU's next frame must have.
     expected: Option<Sequence>,
+    /// From one sample of a moving axis to the next; samples lie on multiples of it, whoever moves when.
+    sampling: Option<Ticks>,
 }
 
 #[derive(Debug)]
@@ -35,7 +40,9 @@ impl Card {
             .axis(number)
             .map(|axis| {
                 let axis = Axis::new(axis, config.ramp_of(axis))?;
-                Ok(Self { kind: Kind::Axis(Box::new(axis)), expected: None })
+                let period = Ticks(u64::from(config.log.sample_ms) * TICKS_PER_MS);
+                let sampling = Some(period).filter(|period| *period > Ticks(0));
+                Ok(Self { kind: Kind::Axis(Box::new(axis)), expected: None, sampling })
             })
             .transpose()
     }
@@ -43,7 +50,13 @@ impl Card {
     /// The digital cards of a set.
     #[must_use]
     pub fn digital(config: &Config) -> Self {
-        Self { kind: Kind::Digital(Digital::new(&config.digital)), expected: None }
+        Self { kind: Kind::Digital(Digital::new(&config.digital)), expected: None, sampling: None }
+    }
+
+    /// The same card, which says nothing while it moves but what changes.
+    #[must_use]
+    pub fn without_samples(self) -> Self {
+        Self { sampling: None, ..self }
     }
 
     /// The address under which it sends.
@@ -77,17 +90,50 @@ impl Card {
     #[must_use]
     pub fn next_event(&self) -> Option<Tick> {
         match &self.kind {
-            Kind::Axis(axis) => axis.next_event(),
+            Kind::Axis(axis) => {
+                let event = axis.next_event()?;
+                let sample = self.next_sample().filter(|_| axis.is_under_way());
+                Some(sample.map_or(event, |sample| event.min(sample)))
+            }
+            Kind::Digital(digital) => digital.next_event(),
+        }
+    }
+
+    /// The next tick at which it may have something to say by itself; all that happens before goes unnoticed. It may turn
+    /// out that it has nothing to say then.
+    #[must_use]
+    pub fn next_news(&self) -> Option<Tick> {
+        match &self.kind {
+            Kind::Axis(axis) => {
+                let news = axis.next_news()?;
+                let sample = self.next_sample().filter(|_| axis.is_under_way());
+                Some(sample.map_or(news, |sample| news.min(sample)))
+            }
             Kind::Digital(digital) => digital.next_event(),
         }
     }
 
     /// Lets time pass up to and including `to`.
     pub fn advance(&mut self, to: Tick, sink: &mut impl Sink) {
+        while let Some(sample) = self.next_sample().filter(|sample| *sample <= to) {
+            let Kind::Axis(axis) = &mut self.kind else { break };
+            axis.advance(sample, sink);
+            if axis.is_under_way() {
+                let answer = self.speak(Occasion::Sampled);
+                sink.answer(answer);
+            }
+        }
         match &mut self.kind {
             Kind::Axis(axis) => axis.advance(to, sink),
             Kind::Digital(digital) => digital.advance(to, sink),
         }
+    }
+
+    /// The next tick at which an axis may have to be sampled; `None` while nothing happens by itself.
+    fn next_sample(&self) -> Option<Tick> {
+        let (Kind::Axis(axis), Some(period)) = (&self.kind, self.sampling) else { return None };
+        axis.next_event()?;
+        Some(Tick((axis.now().0 / period.0 + 1).saturating_mul(period.0)))
     }
 
     /// Hears a frame, now. Every card hears every frame of the CCU; a card answers those that are for it, and if it
@@ -96,11 +142,14 @@ impl Card {
         if frame.sender != Sender::Ccu {
             return;
         }
-        if let Some(lost) = self.missing_before(frame.sequence)
-            && let Kind::Axis(axis) = &mut self.kind
-        {
-            axis.emergency(Alarm::FramesLost(lost), sink);
+        if let Some(missing) = self.missing_before(frame.sequence) {
+            self.miss(missing, sink);
         }
+        self.take(frame, sink);
+    }
+
+    /// Carries out a frame of the CCU, now, if it is for this card, and answers it; what came before it does not matter.
+    pub fn take(&mut self, frame: &Frame, sink: &mut impl Sink) {
         let (address, result) = match &frame.body {
             Body::Command(broadcast) => {
                 let Some(address) = self.concerned(broadcast) else { return };
@@ -119,6 +168,20 @@ impl Card {
         sink.answer(answer);
     }
 
+    /// Takes note, now, that so many of the CCU's frames never came here: says so, and brakes.
+    pub fn miss(&mut self, frames: u32, sink: &mut impl Sink) {
+        let answer = self.speak(Occasion::Missed(frames));
+        sink.answer(answer);
+        self.emergency(Alarm::FramesLost(frames), sink);
+    }
+
+    /// Takes note, now, that the CCU is gone: says so, and brakes.
+    pub fn orphan(&mut self, sink: &mut impl Sink) {
+        let answer = self.speak(Occasion::Orphaned);
+        sink.answer(answer);
+        self.emergency(Alarm::CcuLost, sink);
+    }
+
     fn obey(&mut self, broadcast: &Broadcast, sink: &mut impl Sink) -> Result<(), Refusal> {
         match Command::decode(broadcast.bytes.as_slice()) {
             Ok(command) => self.carry_out(command, broadcast.at, sink),
@@ -126,8 +189,7 @@ impl Card {
         }
     }
 
-    /// Brakes because of something that is no command.
-    pub fn emergency(&mut self, alarm: Alarm, sink: &mut impl Sink) {
+    fn emergency(&mut self, alarm: Alarm, sink: &mut impl Sink) {
         if let Kind::Axis(axis) = &mut self.kind {
             axis.emergency(alarm, sink);
         }

@@ -17,7 +17,7 @@ use supersigma_config::{Config, ConfigError};
 use supersigma_protocol::bus::shared_memory::{Place, SharedBus};
 use supersigma_protocol::bus::{Bus, BusError, Receive, Transmit, Wake, Waker};
 use supersigma_protocol::{
-    About, Address, Alarm, Answer, Body, CardKind, Frame, Occasion, Report, Sender, Sequence, Tick, Ticks,
+    About, Address, Answer, Body, CardKind, Frame, Occasion, Report, Sender, Sequence, Tick, Ticks,
 };
 
 use crate::axis::AxisError;
@@ -134,7 +134,7 @@ impl<T: Transmit, R: Receive> Worker<T, R> {
             self.catch_up()?;
             if lifeline == ENDED && !braked && self.card.next_event().is_some() {
                 braked = true;
-                self.card.emergency(Alarm::CcuLost, &mut self.said);
+                self.card.orphan(&mut self.said);
                 self.flush()?;
             }
             if lifeline != HELD && self.card.next_event().is_none() {
@@ -191,8 +191,8 @@ impl<T: Transmit, R: Receive> Worker<T, R> {
     fn flush(&mut self) -> Result<(), WorkerError> {
         for answer in self.said.drain(..) {
             let wake = match answer.about {
-                // The CCU looks for heartbeats by its own clock.
-                About::Unasked(Occasion::Heartbeat) => Wake::Nobody,
+                // The CCU looks for these by its own clock.
+                About::Unasked(Occasion::Heartbeat | Occasion::Sampled) => Wake::Nobody,
                 _ => Wake::Everyone,
             };
             if let Report::Axis(report) = answer.report

@@ -13,7 +13,8 @@ use axis_worker::{AxisError, Card, Sink};
 use supersigma_protocol::bus::in_process::{InProcessBus, InProcessReceive, InProcessTap, InProcessTransmit};
 use supersigma_protocol::bus::{Bus, BusError, Receive, Tap, Transmit, Wake};
 use supersigma_protocol::{
-    Answer, AxisNumber, Body, Broadcast, Fault, Frame, Occasion, Position, Sender, Sequence, Tick, Ticks,
+    About, Answer, AxisNumber, Body, Broadcast, Fault, Frame, Occasion, Position, Sender, Sequence, Tick,
+    Ticks,
 };
 
 use crate::executive::{Common, Failure, Heard, Knowledge, Link};
@@ -149,13 +150,19 @@ impl<P: PulseWriter> DrySet<P> {
         let (transmit, receive) = bus.ccu()?;
         let mut cards = Vec::new();
         for axis in &knowledge.config.axes {
-            cards.extend(Card::axis(&knowledge.config, axis.address)?);
+            // Samples are for logs.
+            let card = Card::axis(&knowledge.config, axis.address)?;
+            cards.extend(card.map(|card| if log.is_some() { card } else { card.without_samples() }));
         }
         cards.push(Card::digital(&knowledge.config));
         let seats = cards.into_iter().map(|card| {
             let (transmit, receive) = bus.card(card.address())?;
             let said = Said { answers: vec![], pulses: vec![], wanted: std::marker::PhantomData };
-            Ok(Seat { card, transmit, receive, sequence: Sequence(0), said })
+            let mut seat = Seat { card, transmit, receive, sequence: Sequence(0), said };
+            let joined = seat.card.speak(Occasion::Joined);
+            seat.said.answers.push(joined);
+            seat.flush()?;
+            Ok(seat)
         });
         let cards = seats.collect::<Result<_, BusError>>()?;
         let common = Arc::default();
@@ -299,12 +306,15 @@ impl<P: PulseWriter> Link for DrySet<P> {
             if let Some(bytes) = self.receive.receive().map_err(bus_gone)? {
                 let frame = Frame::decode(&bytes).map_err(bus_gone)?;
                 let Body::Answer(answer) = frame.body else { continue };
+                if answer.about == About::Unasked(Occasion::Sampled) {
+                    continue;
+                }
                 return Ok(Some(Heard::Answer(answer)));
             }
             if self.now >= until {
                 return Ok(None);
             }
-            let next = self.cards.iter().filter_map(|seat| seat.card.next_event()).min();
+            let next = self.cards.iter().filter_map(|seat| seat.card.next_news()).min();
             self.now = next.map_or(until, |next| next.clamp(self.now, until));
             self.exchange()?;
         }

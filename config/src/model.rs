@@ -145,11 +145,13 @@ pub struct LogConfig {
     /// Real milliseconds after which what was recorded is on disk, readable.
     #[schemars(range(min = 1))]
     pub flush_ms: u32,
+    /// Milliseconds of machine time from one report of a moving axis' position and speed to the next; 0 for none.
+    pub sample_ms: u32,
 }
 
 impl Default for LogConfig {
     fn default() -> Self {
-        Self { flush_ms: 100 }
+        Self { flush_ms: 100, sample_ms: 10 }
     }
 }
 

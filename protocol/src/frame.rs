@@ -141,6 +141,12 @@ pub enum Occasion {
     Heartbeat,
     /// The card goes; this is its last frame.
     Leaving,
+    /// Nothing: the axis is on its way, and this is how far it has come.
+    Sampled,
+    /// The lifeline has ended: the CCU is gone. What follows from it comes after this.
+    Orphaned,
+    /// So many frames of the CCU never came here. What follows from it comes after this.
+    Missed(u32),
 }
 
 /// Why bytes are not a frame.

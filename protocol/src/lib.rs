@@ -18,7 +18,7 @@ pub use frame::{
     About, Answer, Body, Broadcast, Fault, Frame, FrameError, MAX_FRAME_BYTES, Occasion, Sender, Switch,
 };
 pub use refusal::Refusal;
-pub use report::{Activity, Alarm, AxisReport, End, Report, SensePoint, StatusWord};
+pub use report::{Activity, Alarm, AxisReport, End, Pace, Report, SensePoint, StatusWord};
 pub use units::{
     Address, AxisNumber, CardKind, Count, Deviation, Direction, Distance, Position, Sequence, SpeedIndex,
     Steps, Tick, Ticks,

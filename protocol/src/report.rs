@@ -5,7 +5,7 @@ use std::fmt;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::units::{Deviation, Position, Steps};
+use crate::units::{Deviation, Direction, Position, Steps, Tick, Ticks};
 
 /// The sense points of \[F\].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -100,6 +100,30 @@ pub struct AxisReport {
     /// What the last origination found: by how much the axis stood off from where the card believed it to be. `None` if
     /// the card did not believe anything.
     pub lost: Option<Deviation>,
+    /// How fast it goes; `None` if no pulse is to come.
+    pub pace: Option<Pace>,
+}
+
+/// How fast an axis goes, and where to: the pulse period that is running.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Pace {
+    /// From the last pulse to the next; never 0.
+    pub period: Ticks,
+    /// Where to.
+    pub direction: Direction,
+}
+
+impl Pace {
+    /// The speed in steps per second; towards the origin it is negative.
+    #[must_use]
+    #[expect(clippy::cast_precision_loss, reason = "a pulse period is far below 2^53 ticks")]
+    pub fn steps_per_second(self) -> f64 {
+        let speed = Tick::PER_SECOND as f64 / self.period.0.max(1) as f64;
+        match self.direction {
+            Direction::Forward => speed,
+            Direction::TowardsOrigin => -speed,
+        }
+    }
 }
 
 /// What an axis is doing. The order is on the wire: new ones come last.

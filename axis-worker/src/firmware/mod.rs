@@ -26,7 +26,7 @@ mod servo;
 use supersigma_config::{AxisConfig, RampConfig, RampError, TravelConfig};
 use supersigma_protocol::{
     Activity, Alarm, AxisReport, Deviation, Direction, End, Fault, Operation, Position, Refusal, SensePoint,
-    SpeedIndex, StatusWord, Steps, Tick,
+    SpeedIndex, StatusWord, Steps, Tick, Ticks,
 };
 
 use self::arming::{Armed, Lead};
@@ -172,6 +172,26 @@ impl Firmware {
         [own, follow, self.halt_at, self.brake_at].into_iter().flatten().min()
     }
 
+    /// The next tick at which the card may have something to say by itself; it may turn out that it has not.
+    #[must_use]
+    pub fn next_news(&self, board: &Board) -> Option<Tick> {
+        match &self.state {
+            State::Moving(movement) | State::Searching(_, movement) => {
+                [Some(movement.next_news(board)), self.halt_at, self.brake_at].into_iter().flatten().min()
+            }
+            _ => self.wake_at(),
+        }
+    }
+
+    /// Makes at once what it will write to the chip before anything else happens, up to and including `to`. Not with a
+    /// rotor: what that makes of a pulse is seen only afterwards.
+    pub(crate) fn leap(&mut self, to: Tick, board: &mut Board) {
+        let news = self.next_news(board).unwrap_or(to).min(to + Ticks(1));
+        if let State::Moving(movement) | State::Searching(_, movement) = &mut self.state {
+            movement.leap(news, board);
+        }
+    }
+
     /// Does what is due at the board's tick.
     pub fn wake(&mut self, board: &mut Board, sink: &mut impl Sink) {
         let due = |at: &mut Tick| *at <= board.now();
@@ -263,23 +283,17 @@ impl Firmware {
     /// The state that the card reports.
     #[must_use]
     pub fn report(&self, board: &mut Board) -> AxisReport {
-        let (activity, made) = match &self.state {
-            State::Standing => (Activity::Standing, Steps(0)),
-            State::Armed(_) => (Activity::Armed, Steps(0)),
-            State::Settling(_) => (Activity::Settling, Steps(0)),
-            State::Zeroing(search, _) => (search.activity(), Steps(0)),
-            State::Moving(movement) => {
-                (movement.phase().map_or(Activity::Standing, Activity::from), Steps(0))
-            }
-            State::Searching(search, _) => (search.activity(), search.made),
+        let made = match &self.state {
+            State::Searching(search, _) => search.made,
+            _ => Steps(0),
         };
-        let (steps, position) = match &self.state {
+        let (steps, position, pace) = match &self.state {
             State::Standing | State::Armed(_) | State::Settling(_) | State::Zeroing(..) => {
-                (self.steps, self.base)
+                (self.steps, self.base, None)
             }
             State::Moving(movement) | State::Searching(_, movement) => {
-                let steps = movement.steps(board);
-                (made + steps, self.base.map(|base| movement.position(base, board)))
+                let position = self.base.map(|base| movement.position(base, board));
+                (made + movement.steps(board), position, movement.pace(board))
             }
         };
         let (steps, position) = match (&self.servo, &self.state) {
@@ -291,16 +305,46 @@ impl Firmware {
             }
             _ => (steps, position),
         };
+        AxisReport {
+            sense: self.sense_word(board),
+            steps,
+            position,
+            activity: self.activity(),
+            alarm: self.alarm,
+            lost: self.lost,
+            pace,
+        }
+    }
+
+    /// X1..X5. Open loop: X4 says that no pulse train is being made, and X5 is never claimed, for nothing measures speed.
+    /// Closed loop: a movement is over when the target has been reached, and X5 says that the shaft is slower than S1.
+    #[must_use]
+    pub fn sense_word(&self, board: &Board) -> StatusWord {
         let detectors = board.detectors();
-        // Open loop: X4 says that no pulse train is being made, and X5 is never claimed, for nothing measures speed. Closed
-        // loop: a movement is over when the target has been reached, and X5 says that the shaft is slower than S1.
-        let sense = StatusWord::default()
+        StatusWord::default()
             .with(SensePoint::X1, detectors.lower)
             .with(SensePoint::X2, detectors.upper)
             .with(SensePoint::X3, detectors.reference)
             .with(SensePoint::X4, matches!(self.state, State::Standing | State::Armed(_)))
-            .with(SensePoint::X5, self.servo.is_some() && detectors.slow);
-        AxisReport { sense, steps, position, activity, alarm: self.alarm, lost: self.lost }
+            .with(SensePoint::X5, self.servo.is_some() && detectors.slow)
+    }
+
+    /// What the axis is doing.
+    #[must_use]
+    pub fn activity(&self) -> Activity {
+        match &self.state {
+            State::Standing => Activity::Standing,
+            State::Armed(_) => Activity::Armed,
+            State::Settling(_) => Activity::Settling,
+            State::Moving(movement) => movement.phase().map_or(Activity::Standing, Activity::from),
+            State::Searching(search, _) | State::Zeroing(search, _) => search.activity(),
+        }
+    }
+
+    /// What holds the axis.
+    #[must_use]
+    pub fn alarm(&self) -> Option<Alarm> {
+        self.alarm
     }
 
     /// The axis' ramp.

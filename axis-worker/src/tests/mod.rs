@@ -11,6 +11,8 @@ use supersigma_protocol::{
 use crate::{Card, Sink};
 
 mod faults;
+mod leaps;
+mod samples;
 
 /// Keeps everything that an axis brings forth.
 #[derive(Default)]
@@ -55,7 +57,7 @@ impl Rig {
     fn new(method: ShortMoves) -> Self {
         let config = config(method);
         let card = Card::axis(&config, config.axes[0].address).expect("a good ramp").expect("it exists");
-        Self { card, record: Record::default(), sequence: Sequence(0) }
+        Self { card: card.without_samples(), record: Record::default(), sequence: Sequence(0) }
     }
 
     /// Originated, with a clean record.
@@ -342,6 +344,25 @@ fn a_missed_command_frame_brakes() {
     assert_eq!(report.alarm, Some(Alarm::FramesLost(3)));
     assert_eq!(report.position, Some(Position(report.steps.0.try_into().expect("small"))));
     assert!(report.steps < Steps(9_000));
+    let about = |index: usize| rig.record.answers[index].about;
+    let missed =
+        (0..rig.record.answers.len()).find(|index| about(*index) == About::Unasked(Occasion::Missed(3)));
+    let missed = missed.expect("it says so");
+    assert_eq!(about(missed + 1), About::Unasked(Occasion::Changed), "what follows comes after it");
+}
+
+#[test]
+fn without_a_ccu_it_says_so_and_brakes() {
+    let mut rig = Rig::ready(ShortMoves::Optimal);
+    rig.go(Direction::Forward, 9_000).expect("ready");
+    rig.wait(500_000);
+    rig.card.orphan(&mut rig.record);
+    let report = rig.settle();
+    assert_eq!(report.alarm, Some(Alarm::CcuLost));
+    let occasions: Vec<About> = rig.record.answers.iter().map(|answer| answer.about).collect();
+    let orphaned = occasions.iter().position(|about| *about == About::Unasked(Occasion::Orphaned));
+    let orphaned = orphaned.expect("it says so");
+    assert_eq!(occasions[orphaned + 1], About::Unasked(Occasion::Changed), "what follows comes after it");
 }
 
 /// Arms and starts a line on two cards; returns both when they stand.

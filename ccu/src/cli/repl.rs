@@ -109,7 +109,7 @@ impl<A: FnMut() -> Result<(), Exit>> Conversation<A> {
         } else {
             self.with_a_pipe()?
         };
-        self.session.leave()?;
+        self.session.leave().map_err(|error| Exit::with_code(error.exit_code(), error))?;
         first_code.map_or(Ok(()), |code| Err(Exit::silent(code)))
     }
 
@@ -188,7 +188,9 @@ impl<A: FnMut() -> Result<(), Exit>> Conversation<A> {
                 writeln!(io::stdout(), "{value}")?;
                 Answered::Well
             }
-            Err(error) if error.exit_code() == 3 => return Err(error.into()),
+            Err(error) if error.exit_code() == 3 => {
+                return Err(Exit::with_code(error.exit_code(), error));
+            }
             Err(error) => {
                 let code = error.exit_code();
                 // If nobody reads it, there is nobody else to tell.

@@ -254,7 +254,10 @@ impl Exchange {
             if lost > 0 {
                 state.tell(Heard::FramesLost(sender, lost));
             }
-            state.tell(Heard::Answer(answer));
+            // Nobody waits for samples: what matters comes as a change.
+            if answer.about != About::Unasked(Occasion::Sampled) {
+                state.tell(Heard::Answer(answer));
+            }
             lost
         };
         if lost > 0 {

@@ -201,10 +201,15 @@ impl<L: Link> Executive<L> {
         // It may have ended and the news got lost: ask.
         let overdue = self.link.now() >= deadline;
         let failure = match self.command(next.axis, Operation::Status) {
-            Ok(Answer { report: Report::Axis(report), .. })
+            Ok(Answer { report: Report::Axis(report), acted_at, .. })
                 if overdue && report.activity != Activity::Standing =>
             {
-                Failure::Overdue { axis: next.axis, milliseconds: margin_ms, done: report.steps }
+                Failure::Overdue {
+                    axis: next.axis,
+                    milliseconds: margin_ms,
+                    done: report.steps,
+                    at: Some(acted_at),
+                }
             }
             Ok(_) => return Ok(()),
             Err(Failure::NoAnswer { .. }) if !overdue => return Ok(()),

@@ -118,11 +118,19 @@ impl Watch {
             Body::Answer(answer) => {
                 let name = sender_name(frame.sender, names);
                 let refusal = self.refusal(answer).map(|text| Event::new(Level::Warning, name.clone(), text));
+                let trouble = match answer.about {
+                    About::Unasked(Occasion::Orphaned) => Some("the CCU is gone".to_owned()),
+                    About::Unasked(Occasion::Missed(frames)) => {
+                        Some(format!("{frames} frames of the CCU never came here"))
+                    }
+                    _ => None,
+                };
+                let trouble = trouble.map(|text| Event::new(Level::Error, name.clone(), text));
                 let alarm = self.alarm(answer).map(|alarm| {
                     let card = address_name(answer.card, names);
                     Event::new(Level::Error, name, format!("{card} is locked: {alarm}"))
                 });
-                refusal.into_iter().chain(alarm).collect()
+                refusal.into_iter().chain(trouble).chain(alarm).collect()
             }
         }
     }

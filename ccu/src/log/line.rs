@@ -26,7 +26,7 @@ impl Lines {
     #[must_use]
     pub fn title(&self) -> String {
         format!(
-            "{:>15}  {:<width$}   {:<width$}  {:<29} {:<5} {:>6} {:>8}  {}",
+            "{:>15}  {:<width$}   {:<width$}  {:<29} {:<5} {:>6} {:>8} {:>7}  {}",
             "seconds",
             "from",
             "to",
@@ -34,6 +34,7 @@ impl Lines {
             "X1..5",
             "steps",
             "position",
+            "steps/s",
             "activity",
             width = self.names
         )
@@ -106,7 +107,11 @@ impl Lines {
         match &view.report {
             ReportView::Axis(axis) => {
                 let position = axis.position.map_or_else(|| "?".to_owned(), |position| position.to_string());
-                let _ = write!(line, "{} {:>6} {position:>8}  {:<17}", axis.sense, axis.steps, axis.activity);
+                let _ = write!(
+                    line,
+                    "{} {:>6} {position:>8} {:>7.0}  {:<17}",
+                    axis.sense, axis.steps, axis.speed, axis.activity
+                );
                 if let Some(alarm) = &axis.alarm {
                     let _ = write!(line, "  alarm: {}", alarm.message);
                 }

@@ -7,8 +7,8 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use supersigma_protocol::{
     About, Activity, Address, Alarm, Answer, AxisNumber, AxisReport, Body, Broadcast, CardKind, Command,
-    Deviation, Direction, Fault, Frame, FrameError, Occasion, Operation, Position, Refusal, Report, Sender,
-    SensePoint, Sequence, SpeedIndex, Steps, Tick,
+    Deviation, Direction, Fault, Frame, FrameError, Occasion, Operation, Pace, Position, Refusal, Report,
+    Sender, SensePoint, Sequence, SpeedIndex, Steps, Tick, Ticks,
 };
 
 use super::header::AxisNames;
@@ -97,7 +97,7 @@ pub enum AboutView {
     },
     /// Nobody asked.
     Unasked {
-        /// `joined`, `changed`, `heartbeat` or `leaving`.
+        /// `joined`, `changed`, `heartbeat`, `leaving`, `sampled`, `orphaned` or `missed`.
         unasked: &'static str,
     },
 }
@@ -112,7 +112,7 @@ pub struct RefusalView {
 }
 
 /// What a card reports.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum ReportView {
     /// A motor card.
@@ -122,7 +122,7 @@ pub enum ReportView {
 }
 
 /// The state of a motor card.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 #[expect(clippy::struct_excessive_bools, reason = "five sense points are five lamps on the panel")]
 pub struct AxisView {
     /// X1..X5, X1 first, as in `00010`.
@@ -147,6 +147,10 @@ pub struct AxisView {
     pub alarm: Option<AlarmView>,
     /// By how many steps the last origination found it off from where it was believed to be; null if nothing was believed.
     pub lost: Option<Deviation>,
+    /// Its speed in steps per second, negative towards the origin.
+    pub speed: f64,
+    /// The pulse period that is running, in ticks of 0.5 µs; null if no pulse is to come.
+    pub period: Option<Ticks>,
 }
 
 /// Why an axis is locked.
@@ -307,6 +311,9 @@ fn answer_view(frame: &Frame, answer: &Answer, names: &AxisNames) -> AnswerView 
                     Occasion::Changed => "changed",
                     Occasion::Heartbeat => "heartbeat",
                     Occasion::Leaving => "leaving",
+                    Occasion::Sampled => "sampled",
+                    Occasion::Orphaned => "orphaned",
+                    Occasion::Missed(_) => "missed",
                 },
             },
         },
@@ -320,7 +327,7 @@ fn answer_view(frame: &Frame, answer: &Answer, names: &AxisNames) -> AnswerView 
 
 impl From<AxisReport> for AxisView {
     fn from(report: AxisReport) -> Self {
-        let AxisReport { sense, steps, position, activity, alarm, lost } = report;
+        let AxisReport { sense, steps, position, activity, alarm, lost, pace } = report;
         Self {
             sense: sense.to_string(),
             x1: sense.has(SensePoint::X1),
@@ -333,6 +340,8 @@ impl From<AxisReport> for AxisView {
             activity,
             alarm: alarm.map(AlarmView::from),
             lost,
+            speed: pace.map_or(0.0, Pace::steps_per_second),
+            period: pace.map(|pace| pace.period),
         }
     }
 }

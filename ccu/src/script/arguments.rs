@@ -161,7 +161,11 @@ pub(super) fn within_travel(knowledge: &Knowledge, axis: AxisNumber, target: i64
         return Ok(());
     }
     let nearest = i32::try_from(target).unwrap_or(if target < 0 { i32::MIN } else { i32::MAX });
-    Err(Failure::Refused { axis, refusal: Refusal::OutOfTravel { target: Position(nearest), min, max } })
+    Err(Failure::Refused {
+        axis,
+        refusal: Refusal::OutOfTravel { target: Position(nearest), min, max },
+        at: None,
+    })
 }
 
 /// What a value is, for a sentence that says that it should be something else.

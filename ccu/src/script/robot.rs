@@ -373,7 +373,7 @@ impl Robot {
         let position = self.report(axis)?.position;
         position
             .map(|position| i64::from(position.0))
-            .ok_or_else(|| self.trouble(Failure::Refused { axis, refusal: Refusal::NotOriginated }))
+            .ok_or_else(|| self.trouble(Failure::Refused { axis, refusal: Refusal::NotOriginated, at: None }))
     }
 
     fn report(&mut self, axis: AxisNumber) -> Result<AxisReport, Trouble> {
@@ -394,9 +394,9 @@ impl Robot {
     }
 
     pub(super) fn trouble(&self, failure: Failure) -> Trouble {
-        // Without a set there is nobody to ask.
-        let gone = failure == Failure::Cancelled || failure.exit_code() == 3;
-        Trouble::robot(failure, &self.knowledge, if gone { None } else { self.tick() })
+        // Without a set there is nobody to ask, and a card may have said it already.
+        let known = failure.at().is_some() || failure == Failure::Cancelled || failure.exit_code() == 3;
+        Trouble::robot(failure, &self.knowledge, if known { None } else { self.tick() })
     }
 
     fn tick(&self) -> Option<Tick> {

@@ -169,7 +169,7 @@ pub fn is_open(text: &str) -> bool {
                 }
             },
             '/' if letters.next_if_eq(&'/').is_some() => {
-                drop(letters.by_ref().find(|letter| *letter == '\n'))
+                let _ = letters.by_ref().find(|letter| *letter == '\n');
             }
             '/' if letters.next_if_eq(&'*').is_some() => {
                 let mut last = ' ';

@@ -2,7 +2,6 @@
 //! of, so that nothing is lost when nobody catches it.
 
 use rhai::{Array, Dynamic, Engine, EvalAltResult, Position};
-use serde_json::Value;
 use supersigma_protocol::Tick;
 
 use crate::executive::{Failure, Knowledge};
@@ -43,11 +42,9 @@ impl Trouble {
         };
         let axis = match each.first() {
             Some(Self::Robot { axis, .. }) => axis.clone(),
-            _ => axis_of(&failure)
-                .and_then(|number| knowledge.config.find_axis(&number))
-                .map(|axis| axis.name.clone()),
+            _ => failure.axis().and_then(|axis| knowledge.config.axis(axis)).map(|axis| axis.name.clone()),
         };
-        Self::Robot { axis, failure, tick, each }
+        Self::Robot { axis, tick: failure.at().or(tick), failure, each }
     }
 
     /// An argument of the wrong type or out of range.
@@ -59,13 +56,7 @@ impl Trouble {
     pub(super) fn kind(&self) -> String {
         match self {
             Self::Robot { each, .. } if !each.is_empty() => each[0].kind(),
-            Self::Robot { failure, .. } => match serde_json::to_value(failure) {
-                Ok(Value::String(kind)) => kind,
-                Ok(Value::Object(fields)) => {
-                    fields.into_iter().next().map_or_else(String::new, |(kind, _)| kind)
-                }
-                _ => String::new(),
-            },
+            Self::Robot { failure, .. } => failure.kind(),
             Self::Timeout { .. } => "timeout".into(),
             Self::Wrong { .. } => "wrong_argument".into(),
             Self::Interrupted => "interrupted".into(),
@@ -104,13 +95,6 @@ impl Trouble {
             _ => Dynamic::UNIT,
         }
     }
-}
-
-/// The number of the axis that a failure names, in digits.
-fn axis_of(failure: &Failure) -> Option<String> {
-    let failure = serde_json::to_value(failure).ok()?;
-    let (_, fields) = failure.as_object()?.iter().next()?;
-    Some(fields.get("axis")?.to_string())
 }
 
 impl From<Trouble> for Box<EvalAltResult> {

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::command::Operation;
-use crate::report::{Activity, Alarm, AxisReport, End, SensePoint, StatusWord};
+use crate::report::{Activity, Alarm, AxisReport, End, Pace, SensePoint, StatusWord};
 use crate::units::{Deviation, Direction, Distance, Position, SpeedIndex, Steps, Ticks};
 
 fn check(frame: &Frame, bytes: &[u8]) {
@@ -73,6 +73,7 @@ fn an_answer_frame_has_these_bytes() {
             activity: Activity::Standing,
             alarm: None,
             lost: None,
+            pace: Some(Pace { period: Ticks(300), direction: Direction::TowardsOrigin }),
         }),
     };
     let frame = Frame {
@@ -97,6 +98,7 @@ fn an_answer_frame_has_these_bytes() {
         0x00,                   // standing
         0x00,                   // no alarm
         0x00,                   // no origination to compare with
+        0x01, 0xAC, 0x02, 0x01, // a pulse every 300 ticks, towards the origin
     ]);
 }
 
@@ -109,6 +111,7 @@ fn an_unasked_alarm_and_a_refusal_have_these_bytes() {
         activity: Activity::SeekingReference,
         alarm: Some(Alarm::SwitchNeverClosed(Steps(60_000))),
         lost: Some(Deviation(-37)),
+        pace: None,
     };
     let mut answer = Answer {
         card: Address(7),
@@ -122,7 +125,7 @@ fn an_unasked_alarm_and_a_refusal_have_these_bytes() {
         tick: Tick(6),
         body: Body::Answer(answer),
     };
-    let tail = [0x05, 0x00, 0x00, 0x00, 0x00, 0x08, 0x01, 0x03, 0xE0, 0xD4, 0x03, 0x01, 0x49];
+    let tail = [0x05, 0x00, 0x00, 0x00, 0x00, 0x08, 0x01, 0x03, 0xE0, 0xD4, 0x03, 0x01, 0x49, 0x00];
     check(&frame, &[&[0x01, 0x07, 0x00, 0x06, 0x01, 0x07, 0x01, 0x01][..], &tail].concat());
     answer.about = About::Command(Sequence(2), Err(Refusal::SpeedOutOfRange { speed: 233 }));
     frame.body = Body::Answer(answer);
@@ -149,6 +152,7 @@ fn the_longest_frame_fits() {
             activity: Activity::SeekingReference,
             alarm: Some(Alarm::ReferenceNotFound(Steps(u32::MAX))),
             lost: Some(Deviation(i32::MIN)),
+            pace: Some(Pace { period: Ticks(u64::MAX), direction: Direction::TowardsOrigin }),
         }),
     };
     let frame = Frame {
@@ -158,8 +162,8 @@ fn the_longest_frame_fits() {
         body: Body::Answer(answer),
     };
     // A u64 takes 10 bytes at most, a 32-bit integer 5: envelope 2 + 10 + 10, answer 1 + 1, about 1 + 10 + 1 + 1 + 3·5,
-    // acted at 10, report 1 + 1 + 5 + (1 + 5) + 1 + (1 + 1 + 5) + (1 + 5).
-    assert_eq!(frame.encode().len(), 22 + 2 + 28 + 10 + 27);
+    // acted at 10, report 1 + 1 + 5 + (1 + 5) + 1 + (1 + 1 + 5) + (1 + 5) + (1 + 10 + 1).
+    assert_eq!(frame.encode().len(), 22 + 2 + 28 + 10 + 39);
 }
 
 #[test]
@@ -244,9 +248,19 @@ fn any_axis_report() -> impl Strategy<Value = AxisReport> {
         Activity::Originating,
         Activity::SeekingReference,
     ]);
-    let parts =
-        (any::<[bool; 5]>(), any::<u32>(), any::<Option<i32>>(), activity, proptest::option::of(any_alarm()));
-    parts.prop_map(|(points, steps, position, activity, alarm)| AxisReport {
+    let pace = (1..=u64::MAX, any::<bool>()).prop_map(|(period, forward)| Pace {
+        period: Ticks(period),
+        direction: if forward { Direction::Forward } else { Direction::TowardsOrigin },
+    });
+    let parts = (
+        any::<[bool; 5]>(),
+        any::<u32>(),
+        any::<Option<i32>>(),
+        activity,
+        proptest::option::of(any_alarm()),
+        proptest::option::of(pace),
+    );
+    parts.prop_map(|(points, steps, position, activity, alarm, pace)| AxisReport {
         sense: SensePoint::ALL
             .into_iter()
             .zip(points)
@@ -256,6 +270,7 @@ fn any_axis_report() -> impl Strategy<Value = AxisReport> {
         activity,
         alarm,
         lost: position.map(|position| Deviation(position / 2)),
+        pace,
     })
 }
 
@@ -265,6 +280,9 @@ fn any_answer() -> impl Strategy<Value = Answer> {
         Occasion::Changed,
         Occasion::Heartbeat,
         Occasion::Leaving,
+        Occasion::Sampled,
+        Occasion::Orphaned,
+        Occasion::Missed(3),
     ]);
     let about = prop_oneof![
         (any::<u64>(), proptest::option::of(any_refusal())).prop_map(|(sequence, refusal)| {

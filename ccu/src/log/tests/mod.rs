@@ -75,6 +75,7 @@ fn alarmed(card: u8, sequence: u64, tick: u64, about: About, alarm: Option<Alarm
                 activity: Activity::Standing,
                 alarm,
                 lost: None,
+                pace: None,
             }),
         }),
     }

@@ -116,7 +116,7 @@ fn required_is_what_is_never_null() {
         of(&["tick", "time_s", "sender", "sequence", "name", "bytes"])
     );
     let envelope = ["tick", "time_s", "sender", "sequence", "axis", "name", "about", "acted_at"];
-    let axis = ["sense", "x1", "x2", "x3", "x4", "x5", "steps", "activity"];
+    let axis = ["sense", "x1", "x2", "x3", "x4", "x5", "steps", "activity", "speed"];
     assert_eq!(required(view_schema::<AnswerView<AxisView>>()), of(&[&envelope[..], &axis[..]].concat()));
     assert_eq!(required(view_schema::<AnswerView<DigitalView>>()), of(&[&envelope[..], &["word"]].concat()));
 }

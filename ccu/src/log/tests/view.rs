@@ -81,7 +81,7 @@ fn an_answer_in_json() {
             "acted_at": 3_999_997,
             "sense": "00010", "x1": false, "x2": false, "x3": false, "x4": true, "x5": false,
             "steps": 2600, "position": -17, "activity": "standing",
-            "lost": null,
+            "lost": null, "speed": 0.0, "period": null,
             "alarm": {
                 "cause": "switch_never_closed",
                 "message": "the limit switch did not close within 900 steps",
@@ -149,12 +149,12 @@ fn lines_for_people() {
     let text: Vec<String> =
         std::iter::once(lines.title()).chain(frames.iter().map(|frame| lines.line(frame))).collect();
     let expected = [
-        "        seconds  from              to               what                          X1..5  steps position  activity",
+        "        seconds  from              to               what                          X1..5  steps position steps/s  activity",
         "      0.0000015  ccu             → left_x           #17 MoveLimited -2600 speed 90 at 2.5000005 s",
         "     10.0000000  ccu             → left_y           #18 Move +2",
         "     10.0000005  ccu             → everyone         #19 [00 7F] not a command: op-code 7F is unknown (01 to 0E, 21 and 22 are known)",
-        "      1.5000000  left_x          → ccu              heartbeat                     00010   2600      -17  standing",
-        "      2.0000005  left_y          → ccu              refuses #0                    00010   2600      -17  standing           alarm: braked on command  refused: the position is unknown; originate first",
+        "      1.5000000  left_x          → ccu              heartbeat                     00010   2600      -17       0  standing",
+        "      2.0000005  left_y          → ccu              refuses #0                    00010   2600      -17       0  standing           alarm: braked on command  refused: the position is unknown; originate first",
         "              -  ?               → ?                not a frame: 3 bytes too many [01 02]",
     ];
     assert_eq!(text, expected, "\n{}\n", text.join("\n"));

@@ -7,9 +7,7 @@ use std::time::Duration;
 
 use axis_worker::Card;
 use supersigma_config::Config;
-use supersigma_protocol::{
-    Alarm, Answer, AxisNumber, Body, Broadcast, Fault, Frame, Sender, Sequence, Tick, Ticks,
-};
+use supersigma_protocol::{Answer, AxisNumber, Body, Broadcast, Fault, Frame, Sender, Sequence, Tick, Ticks};
 
 use crate::executive::{Common, Executive, Failure, Heard, Knowledge, Link, Movement};
 use crate::script::{Limits, Program, ScriptError, Settings, Watcher, lock};
@@ -23,7 +21,7 @@ pub(super) struct Bench {
     common: Arc<Common>,
     heard: VecDeque<Heard>,
     /// An emergency input that will close.
-    pub(super) emergency: Option<(Tick, AxisNumber, Alarm)>,
+    pub(super) emergency: Option<(Tick, AxisNumber, Fault)>,
     /// A failure of the way to the set.
     pub(super) failure: Option<(Tick, Failure)>,
     /// Somebody who wants the program to end.
@@ -86,11 +84,10 @@ impl Bench {
             card.advance(to, &mut answers);
         }
         self.now = to;
-        if let Some((_, axis, alarm)) = self.emergency.take_if(|(tick, ..)| *tick <= to) {
-            let card = self.cards.iter_mut().find(|card| card.address() == axis.address());
-            card.expect("it plays").emergency(alarm, &mut answers);
-        }
         self.heard.extend(answers.into_iter().map(Heard::Answer));
+        if let Some((_, axis, fault)) = self.emergency.take_if(|(tick, ..)| *tick <= to) {
+            self.put(Body::Fault(axis, fault));
+        }
         if let Some((_, stop)) = self.stop.take_if(|(tick, _)| *tick <= to) {
             stop.store(true, Ordering::Relaxed);
         }
