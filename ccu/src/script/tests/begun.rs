@@ -107,7 +107,7 @@ fn when_one_of_a_block_fails_the_others_are_halted_and_each_is_named() {
     let rig = Rig::ready();
     rig.later(400, |bench, tick| {
         let axis = bench.axis("left_y");
-        bench.emergency = Some((tick, axis, supersigma_protocol::Alarm::ExcessiveForce));
+        bench.emergency = Some((tick, axis, supersigma_protocol::Fault::Force));
     });
     let printed = rig.prints(
         "try { together { move_by(\"left_x\", 20000); move_by(\"left_y\", 20000) } }
@@ -126,7 +126,7 @@ fn waiting_for_all_halts_nobody_and_tells_what_failed() {
     let rig = Rig::ready();
     rig.later(400, |bench, tick| {
         let axis = bench.axis("left_y");
-        bench.emergency = Some((tick, axis, supersigma_protocol::Alarm::ExcessiveForce));
+        bench.emergency = Some((tick, axis, supersigma_protocol::Fault::Force));
     });
     let printed = rig.prints(
         "let one = begin { move_by(\"left_x\", 20000) };
@@ -170,7 +170,7 @@ fn what_nobody_waits_for_is_waited_for_at_the_end_and_tells_its_block_when_it_fa
     assert_eq!(rig.movements().len(), 1);
     rig.later(300, |bench, tick| {
         let axis = bench.axis("left_x");
-        bench.emergency = Some((tick, axis, supersigma_protocol::Alarm::ExcessiveForce));
+        bench.emergency = Some((tick, axis, supersigma_protocol::Fault::Force));
     });
     let error = rig.fails("wait(0.01);\nbegin { move_by(1, 20000) }\nprint(1);");
     assert!(error.to_string().starts_with("test.rhai:2:7: axis 1 is in alarm: "), "{error}");
