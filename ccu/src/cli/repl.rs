@@ -81,9 +81,9 @@ pub(super) fn repl(args: &ReplArgs) -> Result<(), Exit> {
     let connect = {
         let operator = Arc::clone(&operator);
         move |client: Client| -> Result<(), Exit> {
-            let hangs_up = client.hang_up()?;
+            let close = client.hang_up()?;
             *operator.lock().unwrap_or_else(PoisonError::into_inner) = client;
-            *hang_up.lock().unwrap_or_else(PoisonError::into_inner) = Box::new(hangs_up);
+            *hang_up.lock().unwrap_or_else(PoisonError::into_inner) = Box::new(close);
             Ok(())
         }
     };

@@ -29,7 +29,7 @@ impl<L: Link> Executive<L> {
                 self.heard.clear();
                 self.await_begun(&begun, until, true)
             }
-            request => self.to_its_end(request),
+            request => self.see_through(request),
         };
         self.paused = None;
         if result == Err(Failure::Cancelled) {
@@ -38,7 +38,7 @@ impl<L: Link> Executive<L> {
         result
     }
 
-    fn to_its_end(&mut self, request: Request) -> Result<Outcome, Failure> {
+    fn see_through(&mut self, request: Request) -> Result<Outcome, Failure> {
         let asked = request.moving();
         let axes: Vec<_> = asked.keys().copied().collect();
         let mut made: BTreeMap<AxisNumber, Steps> = BTreeMap::new();

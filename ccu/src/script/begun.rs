@@ -3,7 +3,7 @@
 
 use std::sync::{Arc, Mutex};
 
-use rhai::{Array, Dynamic, Map, Position};
+use rhai::{Array, Dynamic, EvalAltResult, Map, Position};
 use supersigma_protocol::AxisNumber;
 
 use crate::executive::{Begun, Ended, Failure, Knowledge, Movement, Outcome, Request, Until};
@@ -161,10 +161,14 @@ impl Robot {
     }
 
     /// What nobody has waited for is waited for at the program's end. What failed is told with the place of its block.
-    pub(super) fn finish(&mut self) -> Result<(), (Trouble, Position)> {
+    pub(super) fn finish(&mut self) -> Result<(), Box<EvalAltResult>> {
         while let Some(Open { handle, position }) = self.open.first() {
             let (handle, position) = (handle.clone(), *position);
-            self.wait_begun(&handle).map(drop).map_err(|trouble| (trouble, position))?;
+            self.wait_begun(&handle).map(drop).map_err(|trouble| {
+                let mut error: Box<EvalAltResult> = trouble.into();
+                error.set_position(position);
+                error
+            })?;
         }
         Ok(())
     }
@@ -189,7 +193,9 @@ impl Robot {
             return Err(self.senseless("the end of movements"));
         };
         for ended in &ended {
-            handles.iter().for_each(|handle| handle.end(ended));
+            for handle in handles {
+                handle.end(ended);
+            }
             for movement in ended.result.iter().flatten() {
                 lock(&self.watcher).movement(movement);
             }

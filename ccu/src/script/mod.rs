@@ -110,7 +110,7 @@ impl Program {
         let robot = Arc::new(Mutex::new(Robot::new(operator, knowledge, watcher, stop, settings)));
         functions::register(&mut engine, &robot);
         let result = match engine.run_ast(&self.ast).map_err(|error| *error) {
-            Ok(()) | Err(EvalAltResult::Exit(..)) => lock(&robot).finish().map_err(placed),
+            Ok(()) | Err(EvalAltResult::Exit(..)) => lock(&robot).finish().map_err(|error| *error),
             Err(error) => Err(error),
         };
         result.map_err(|error| {
@@ -129,13 +129,6 @@ fn print_to(engine: &mut Engine, watcher: &Arc<Mutex<dyn Watcher>>, name: &str) 
         let line = position.line().unwrap_or(0);
         lock(&debugged).print(&format!("{name}:{line}: {text}"));
     });
-}
-
-/// A trouble where it belongs in the text.
-fn placed((trouble, position): (trouble::Trouble, rhai::Position)) -> EvalAltResult {
-    let mut error: Box<EvalAltResult> = trouble.into();
-    error.set_position(position);
-    *error
 }
 
 /// The value, even if somebody panicked with it: a robot that moves has to be stopped all the same.

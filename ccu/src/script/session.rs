@@ -11,7 +11,7 @@ use crate::executive::{Knowledge, Operate};
 
 use super::functions::{self, SIGNATURES};
 use super::robot::Robot;
-use super::{ScriptError, Settings, Watcher, language, lock, placed, print_to};
+use super::{ScriptError, Settings, Watcher, language, lock, print_to};
 
 /// Words of the language that begin something.
 const WORDS: [&str; 16] = [
@@ -112,7 +112,7 @@ impl Session {
     /// # Errors
     /// What became of it, if it did not go well.
     pub fn leave(&mut self) -> Result<(), ScriptError> {
-        let result = lock(&self.robot).finish().map_err(placed);
+        let result = lock(&self.robot).finish().map_err(|error| *error);
         result.map_err(|error| {
             lock(&self.robot).abandon();
             let source = NamedSource::new(self.name, Arc::from(self.text.as_str()));

@@ -284,7 +284,7 @@ fn kinds_are_called_as_in_json() {
         (Failure::Stopped { axis, done: Steps(3), position, at: None }, "stopped", Some("left_x")),
         (Failure::Overdue { axis, milliseconds: 500, done: Steps(3), at: None }, "overdue", Some("left_x")),
         (Failure::NotConfirmed { axis }, "not_confirmed", Some("left_x")),
-        (Failure::NoAnswer { card: axis.address(), milliseconds: 500 }, "no_answer", None),
+        (Failure::NoAnswer { card: axis.address(), milliseconds: 500 }, "no_answer", Some("left_x")),
         (Failure::NoLog, "no_log", None),
     ];
     for (failure, kind, name) in cases {
