@@ -220,6 +220,9 @@ struct StartArgs {
     /// The log; must not exist yet [default: a new file in ~/.local/state/supersigma]
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
+    /// Go on in another file when one is so long, or so old: 100MB, 2GB, 10min, 1h
+    #[arg(long, value_name = "SIZE|TIME")]
+    log_rotate: Option<set::LogRotate>,
     /// How many times faster than real time
     #[arg(long, value_name = "K", default_value_t = TimeScale::REAL)]
     time_scale: TimeScale,
@@ -291,7 +294,11 @@ impl Command {
             Self::Completions(args) => paper::completions(&args),
             Self::Man(args) => paper::man(&args),
             Self::AxisWorker(args) => worker::run(&args).into_diagnostic().map_err(Exit::could_not),
-            Self::Recorder(args) => recorder::record(&args).map_err(Exit::could_not),
+            Self::Recorder(args) => match recorder::record(&args) {
+                Ok(true) => Ok(()),
+                Ok(false) => Err(Exit::silent(1)),
+                Err(report) => Err(Exit::could_not(report)),
+            },
         }
     }
 }

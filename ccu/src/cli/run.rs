@@ -18,7 +18,7 @@ use supersigma_protocol::Ticks;
 use super::asked::Asked;
 use super::exit::Exit;
 use super::rehearsal::rehearse;
-use super::{SetArgs, StartArgs, config, set, show};
+use super::{SetArgs, StartArgs, set, show};
 use crate::control::{Client, DownReport};
 use crate::daemon::{Daemon, Options};
 use crate::dry::{DryError, DrySet, NoPulses, PulseCsv, PulseWriter};
@@ -108,7 +108,7 @@ pub(super) fn source(text: Option<&str>, script: Option<&Path>) -> Result<(Strin
 }
 
 fn dry_run(args: &RunArgs, program: &Program, source: String) -> Result<(), Exit> {
-    let config = config::load(args.start.config.as_deref())?;
+    let config = set::start_config(&args.start)?;
     let header = LogHeader {
         set: args.set.name.to_string(),
         names: AxisNames::from(&config),
@@ -156,7 +156,9 @@ fn run_dry<P: PulseWriter + Send + 'static>(
         log: path.clone(),
         sent: summary.frames,
         logged: Some(summary.frames),
+        lost: Some(summary.lost),
         bytes: Some(summary.bytes),
+        parts: summary.parts,
     });
     tell_summary(args.json, &totals, elapsed, log.as_ref())?;
     Ok(pulses)
@@ -166,12 +168,13 @@ fn on_a_set_that_is_up(args: &RunArgs, program: &Program) -> Result<(), Exit> {
     let start = &args.start;
     if start.config.is_some()
         || start.log.is_some()
+        || start.log_rotate.is_some()
         || start.time_scale != axis_worker::clock::TimeScale::REAL
     {
         let name = &args.set.name;
         return Err(Exit::wrong(miette!(
             help = format!("leave these options out, or take the set down first: `ccu down --name {name}`"),
-            "set {name} is up already; --config, --log and --time-scale are for a set that is started"
+            "set {name} is up already; --config, --log, --log-rotate and --time-scale are for a set that is started"
         )));
     }
     let asked = Asked::connect(&args.set)?;
@@ -203,7 +206,7 @@ fn on_a_set_that_is_up(args: &RunArgs, program: &Program) -> Result<(), Exit> {
 }
 
 fn on_a_set_of_its_own(args: &RunArgs, home: &Home, program: &Program, source: String) -> Result<(), Exit> {
-    let config = config::load(args.start.config.as_deref())?;
+    let config = set::start_config(&args.start)?;
     let knowledge = knowledge(config.clone())?;
     // The set will be just switched on, as the rehearsed one: what the robot refuses there, it will refuse here.
     let known = Arc::clone(&knowledge);
@@ -326,7 +329,9 @@ fn tell_summary(
             "seconds": elapsed.as_seconds(),
             "frames_sent": log.map(|log| log.sent),
             "frames_logged": log.and_then(|log| log.logged),
+            "frames_lost": log.and_then(|log| log.lost),
             "log": log.map(|log| &log.log),
+            "log_parts": log.map(|log| &log.parts),
         });
         show::print_json(&serde_json::json!({ "summary": summary }), &mut out)?;
         return Ok(());

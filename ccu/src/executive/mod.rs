@@ -22,7 +22,7 @@ use supersigma_protocol::{
     Fault, Operation, Refusal, Report, Sequence, SpeedIndex, Tick, Ticks,
 };
 
-pub use failure::Failure;
+pub use failure::{Failure, LogTrouble};
 use link::Paused;
 pub use link::{Common, Heard, Knowledge, Link};
 pub use request::{

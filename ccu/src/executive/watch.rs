@@ -75,7 +75,7 @@ impl Watch {
     }
 
     /// What it makes of news, and what its other axes must do then.
-    fn note(&mut self, heard: Heard) -> Option<Operation> {
+    fn note(&mut self, heard: &Heard) -> Option<Operation> {
         if self.failure.is_some() {
             return None;
         }
@@ -83,8 +83,8 @@ impl Watch {
             Heard::Answer(Answer { card, report: Report::Axis(report), acted_at, .. }) => {
                 let mut failure = None;
                 for (one, over) in self.underway.iter().zip(&mut self.over) {
-                    if over.is_none() && one.axis.address() == card && acted_at > one.since {
-                        match judge(one, &report, acted_at) {
+                    if over.is_none() && one.axis.address() == *card && *acted_at > one.since {
+                        match judge(one, report, *acted_at) {
                             Ok(movement) => *over = movement,
                             Err(why) => failure = Some(why),
                         }
@@ -93,11 +93,11 @@ impl Watch {
                 failure?
             }
             _ if self.is_over() => return None,
-            Heard::WorkerGone(card) if self.underway.iter().any(|one| one.axis.address() == card) => {
-                Failure::WorkerGone { card }
+            Heard::WorkerGone(card) if self.underway.iter().any(|one| one.axis.address() == *card) => {
+                Failure::WorkerGone { card: *card }
             }
-            Heard::NoLog => Failure::NoLog,
-            Heard::FramesLost(card, lost) => Failure::FramesLost { card, lost },
+            Heard::NoLog(trouble) => Failure::NoLog((**trouble).clone()),
+            Heard::FramesLost(card, lost) => Failure::FramesLost { card: *card, lost: *lost },
             Heard::GoingDown => Failure::GoingDown,
             Heard::WorkerGone(_) | Heard::Answer(_) | Heard::Resume => return None,
         };
@@ -149,7 +149,7 @@ impl<L: Link> Executive<L> {
     pub(super) fn put(&mut self, id: Begun, underway: Vec<Underway>) -> Result<(), Failure> {
         let Some(watch) = self.watched.iter_mut().find(|watch| watch.id == id) else { return Ok(()) };
         watch.put(underway);
-        let others = self.heard.iter().find_map(|heard| watch.note(*heard));
+        let others = self.heard.iter().find_map(|heard| watch.note(heard));
         let axes = watch.underway.iter().map(|one| one.axis).collect::<Vec<_>>();
         others.map_or(Ok(()), |operation| self.stop_each(&axes, operation))
     }
@@ -236,7 +236,7 @@ impl<L: Link> Executive<L> {
         self.resumed |= heard == Heard::Resume;
         let mut stops = Vec::new();
         for watch in &mut self.watched {
-            if let Some(operation) = watch.note(heard) {
+            if let Some(operation) = watch.note(&heard) {
                 stops.push((watch.underway.iter().map(|one| one.axis).collect::<Vec<_>>(), operation));
             }
         }

@@ -5,6 +5,7 @@ mod events;
 mod file;
 mod order;
 mod recorder;
+mod rotation;
 mod schema;
 mod view;
 
