@@ -19,6 +19,12 @@ pub(super) type McapFile = mcap::Writer<LogFile>;
 
 /// The topic of the raw frames.
 pub(super) const MICROBUS: &str = "/microbus";
+/// The topic of the commands' twins.
+pub(super) const COMMAND: &str = "/command";
+/// The topic of the digital cards' twins.
+pub(super) const DIGITAL: &str = "/digital/status";
+/// The topic of the events.
+pub(super) const EVENTS: &str = "/events";
 /// The key of a raw channel's metadata that says which of the two services it carries.
 pub(super) const LANE: &str = "lane";
 
@@ -93,11 +99,11 @@ impl Channels {
         let mut channels = Self {
             commands,
             answers,
-            command: mcap.add_channel(command_schema, "/command", "json", &nothing)?,
+            command: mcap.add_channel(command_schema, COMMAND, "json", &nothing)?,
             axes: [None; AxisNumber::COUNT],
             axis_schema,
-            digital: mcap.add_channel(digital_schema, "/digital/status", "json", &nothing)?,
-            events: mcap.add_channel(event_schema, "/events", "json", &nothing)?,
+            digital: mcap.add_channel(digital_schema, DIGITAL, "json", &nothing)?,
+            events: mcap.add_channel(event_schema, EVENTS, "json", &nothing)?,
             written: BTreeMap::new(),
         };
         for (axis, _) in header.names.iter() {
