@@ -10,6 +10,7 @@ mod fault;
 mod load;
 mod model;
 mod motor;
+mod origin;
 mod problem;
 mod ramp;
 mod rules;
@@ -26,5 +27,6 @@ pub use model::{
     TravelConfig,
 };
 pub use motor::{HALF_STEPS_PER_CYCLE, MotorConfig, MotorError};
+pub use origin::{Origin, Source};
 pub use problem::{Problem, choose};
 pub use ramp::{RampError, SPEEDS};

@@ -12,7 +12,7 @@ use super::asked::Asked;
 use super::exit::Exit;
 use super::{SetArgs, show};
 use crate::control::Description;
-use crate::executive::{Displacement, Failure, Operate, Outcome, Request};
+use crate::executive::{Displacement, Failure, Outcome, Request};
 
 /// How often `status --watch` looks.
 const WATCH: Duration = Duration::from_millis(250);
@@ -152,7 +152,8 @@ pub(super) fn jog(args: &JogArgs) -> Result<(), Exit> {
     let position = states.first().and_then(|state| state.report?.position);
     let travel = asked.config.axis(axis).map(|axis| axis.travel.clone());
     let (Some(position), Some(travel)) = (position, travel) else {
-        return Err(Failure::Refused { axis, refusal: Refusal::NotOriginated }.into());
+        let failure = Failure::Refused { axis, refusal: Refusal::NotOriginated, at: None };
+        return Err(Exit::told(failure, &asked.knowledge));
     };
     let end = if args.direction == Way::Forward { travel.max } else { travel.min };
     let longest = i64::from(Distance::MAX.get());
@@ -197,11 +198,10 @@ pub(super) fn halt(args: &AxesArgs) -> Result<(), Exit> {
 
 pub(super) fn resume(args: &ResumeArgs) -> Result<(), Exit> {
     let mut asked = Asked::connect(&args.set)?;
-    match asked.client.operate(Request::Resume)? {
+    match asked.operate(Request::Resume)? {
         // Only programs waited; they tell of their movements themselves.
         Outcome::Moved(movements) if movements.is_empty() && !args.json => {
-            println!("the program goes on");
-            Ok(())
+            Ok(writeln!(io::stdout(), "the program goes on")?)
         }
         outcome => asked.tell_outcome(&outcome, args.json),
     }

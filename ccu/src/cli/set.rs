@@ -11,7 +11,7 @@ use miette::{IntoDiagnostic, miette};
 use tokio::signal::unix::{SignalKind, signal};
 
 use super::exit::Exit;
-use super::{SetArgs, StartArgs, config, show};
+use super::{SetArgs, StartArgs, config, service, show};
 use crate::control::{Client, DownReport};
 use crate::daemon::{Daemon, Options, StartError};
 use crate::home::{Home, HomeError, SetName, default_log};
@@ -78,18 +78,22 @@ pub(super) fn up(args: &UpArgs) -> Result<(), Exit> {
     }
     let config = config::load(args.start.config.as_deref())?;
     let log = log_path(args.start.log.as_ref(), &args.set.name)?;
-    let options = Options { home, config, scale: args.start.time_scale, log, script: None };
+    let options = Options { home: home.clone(), config, scale: args.start.time_scale, log, script: None };
     runtime()?.block_on(async {
         // Before anything is started: a signal that comes early must take down what is there by then.
         let asked_to_end = asked_to_end()?;
         let daemon = Daemon::start(options)?;
         // A set does not go down unasked because nobody reads what is said about it.
         let _ = if args.detached { say_ready() } else { say_up(&daemon) };
+        service::ready(&daemon);
         tokio::select! {
             () = asked_to_end => {}
             () = daemon.wanted_down() => {}
+            () = service::watchdog(home) => {}
         }
+        service::stopping();
         let report = daemon.stop().await;
+        service::stopped(&report);
         if !args.detached {
             down_line(&report, &mut io::stdout())?;
         }
@@ -134,6 +138,8 @@ fn detach(home: &Home) -> Result<(), Exit> {
         .map(|argument| if argument == "--detach" { "--detached".into() } else { argument });
     let mut child = Command::new(std::env::current_exe()?)
         .args(arguments)
+        // A service's main process is the one in the foreground; what leaves it speaks for nobody.
+        .env_remove("NOTIFY_SOCKET")
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .stderr(file)

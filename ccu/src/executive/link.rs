@@ -77,6 +77,15 @@ impl Knowledge {
         }
     }
 
+    /// An axis as messages call it, `axis 1 (left_x)`.
+    #[must_use]
+    pub fn number_and_name(&self, axis: AxisNumber) -> String {
+        match self.config.axis(axis) {
+            Some(config) => format!("{axis} ({})", config.name),
+            None => axis.to_string(),
+        }
+    }
+
     /// What people call an axis.
     #[must_use]
     pub fn name(&self, axis: AxisNumber) -> &str {

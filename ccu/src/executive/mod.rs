@@ -2,6 +2,7 @@
 //! when each movement is due, and judges by the sense points whether it has come true. It moves nothing itself and
 //! reads no clock but its [`Link`]'s; a live set and a dry run are driven by this very code.
 
+pub mod advice;
 mod failure;
 mod halted;
 mod link;
@@ -263,9 +264,12 @@ impl<L: Link> Executive<L> {
                     if !overdue {
                         continue;
                     }
-                    let failure =
-                        Failure::Overdue { axis: next.axis, milliseconds: margin_ms, done: report.steps };
-                    return Err(failure);
+                    return Err(Failure::Overdue {
+                        axis: next.axis,
+                        milliseconds: margin_ms,
+                        done: report.steps,
+                        at: Some(answer.acted_at),
+                    });
                 }
                 self.heard.push(Heard::Answer(answer));
                 continue;
@@ -445,7 +449,7 @@ fn axis_report(answer: &Answer) -> Option<AxisReport> {
 
 fn refused(axis: AxisNumber, answer: &Answer) -> Result<(), Failure> {
     match answer.about {
-        About::Command(_, Err(refusal)) => Err(Failure::Refused { axis, refusal }),
+        About::Command(_, Err(refusal)) => Err(Failure::Refused { axis, refusal, at: Some(answer.acted_at) }),
         _ => Ok(()),
     }
 }
@@ -459,14 +463,14 @@ fn judge(one: &Underway, report: &AxisReport, acted_at: Tick) -> Result<Option<M
     let lost = lost.filter(|_| one.steps.is_none());
     let axis = one.axis;
     if let Some(alarm) = alarm {
-        return Err(Failure::Alarm { axis, alarm, done, position });
+        return Err(Failure::Alarm { axis, alarm, done, position, at: Some(acted_at) });
     }
     let complete = match one.steps {
         Some(steps) => u64::from(done.0) == steps,
         None => position.is_some(),
     };
     if !complete {
-        return Err(Failure::Stopped { axis, done, position });
+        return Err(Failure::Stopped { axis, done, position, at: Some(acted_at) });
     }
     let took = acted_at.since(one.start);
     Ok(Some(Movement {
