@@ -31,3 +31,7 @@ docs:
 # Write the manual pages of all commands to target/man
 man:
     cargo run --release -- man target/man
+
+# Draw the pictures of the book anew: docs/src/generated/monitor.txt
+pictures:
+    docs/pictures

@@ -48,7 +48,7 @@ fn keys_halt_brake_and_clear() {
     terminal.shows("cruising");
     terminal.press("h");
     let ran = moving.end();
-    ran.fails(1, &["halted"]);
+    ran.fails(1, &["axis 7 (wrist) was stopped", "`ccu resume`"]);
     terminal.shows("halt all axes: done");
     terminal.press("7b");
     terminal.shows("braked on command");
@@ -83,17 +83,19 @@ fn the_dashboard_waits_for_a_set_that_has_gone() {
     let up = cell.up("20");
     let mut terminal = dashboard(&cell);
     terminal.shows("recording");
-    assert_eq!(cell.down(), None);
+    // The dashboard is a process of this cell, and stays.
+    let _ = cell.ccu("down").good();
     terminal.shows("DOWN; waiting");
     std::fs::remove_file(&up.log).expect("a log is there");
     let _up = cell.up("20");
     eventually("the set on the screen again", || (!terminal.screen().contains("DOWN")).then_some(()));
     cell.ccu("origin wrist").done();
     terminal.shows("Originate");
-    assert_eq!(cell.down(), None);
+    let _ = cell.ccu("down").good();
     terminal.shows("DOWN; waiting");
     terminal.press("q");
     assert_eq!(terminal.end().code(), Some(3));
+    cell.assert_nothing_left();
 }
 
 #[test]
@@ -175,13 +177,8 @@ fn a_watcher_that_does_not_read_misses_frames_and_holds_up_nobody() {
         cell.ccu("line left_x=6000 left_y=5000 right_x=6000 right_y=5000 wrist=5000").done();
         cell.ccu("line left_x=-6000 left_y=-5000 right_x=-6000 right_y=-5000 wrist=-5000").done();
     }
-    let dropped = eventually("frames that it missed", || next(&mut lazy)["overheard"]["dropped"].as_u64())
-        .max(
-            (0..2_000)
-                .find_map(|_| next(&mut lazy)["overheard"]["dropped"].as_u64().filter(|n| *n > 0))
-                .unwrap_or(0),
-        );
-    assert!(dropped > 0);
+    // First what the socket had room for; somewhere behind it the gap.
+    while next(&mut lazy)["overheard"]["dropped"].as_u64().is_none_or(|dropped| dropped == 0) {}
     process(&stopped).signal(Signal::CONT);
     stopped.shows("not seen here");
     stopped.press("q");
