@@ -119,7 +119,7 @@ fn the_recorder_is_killed_and_nothing_moves_without_a_log() {
     let ran = waiting.end();
     assert_eq!(ran.code(), Some(1), "{ran}");
     assert!(
-        ["the recorder is gone, and nothing moves without a log", "axis 2 (left_y) is in alarm"]
+        ["the recorder is gone (signal: 9 (SIGKILL))", "axis 2 (left_y) is in alarm"]
             .iter()
             .any(|why| ran.complaint().contains(why)),
         "{ran}"
@@ -129,7 +129,10 @@ fn the_recorder_is_killed_and_nothing_moves_without_a_log() {
     }
     cell.ccu("clear").done();
     for line in ["move left_x 10", "line left_x=10 left_y=10", "origin", "output lamp on"] {
-        cell.ccu(line).fails(1, &["the recorder is gone, and nothing moves without a log", "free space"]);
+        cell.ccu(line).fails(
+            1,
+            &["the recorder is gone (signal: 9 (SIGKILL))", "; nothing moves without a log", "free space"],
+        );
     }
     let status = cell.ccu("status").good();
     assert!(status.stdout.contains("NO LOG ANY MORE, was "), "{status}");

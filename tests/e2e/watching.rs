@@ -68,7 +68,7 @@ fn a_signal_gives_the_terminal_back() {
     let _up = cell.up("20");
     for arguments in [&["monitor"][..], &["status", "--watch"]] {
         let mut terminal = Terminal::start(cell.command(arguments), 100, 30);
-        terminal.shows("recording");
+        terminal.shows("frames/s");
         assert!(terminal.is_taken());
         process(&terminal).signal(Signal::TERM);
         assert_eq!(terminal.end().code(), Some(0));

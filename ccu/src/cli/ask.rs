@@ -13,6 +13,7 @@ use super::asked::Asked;
 use super::exit::Exit;
 use super::show::Pictures;
 use super::{SetArgs, set, show};
+use crate::control::Description;
 use crate::executive::{AxisState, Displacement, Failure, Outcome, Request};
 
 /// How often `status --watch` looks.
@@ -128,7 +129,7 @@ pub(super) struct StatusArgs {
     set: SetArgs,
     /// Which axes; all if none is named
     axes: Vec<String>,
-    /// One JSON object an axis
+    /// One JSON object an axis, and one of the recorder if no axis is named
     #[arg(long)]
     json: bool,
     /// Again and again, until Ctrl-C
@@ -233,8 +234,8 @@ pub(super) fn status(args: &StatusArgs) -> Result<(), Exit> {
     let states = asked.axis_states(Request::Status { axes })?;
     let mut out = BufWriter::new(io::stdout().lock());
     tell_states(&states, &asked.config, args.json, &mut out)?;
-    if !args.json && args.axes.is_empty() {
-        show::set(&asked.client_description()?, None, &mut out)?;
+    if args.axes.is_empty() {
+        tell_set(&asked.client_description()?, None, args.json, &mut out)?;
     }
     Ok(out.flush()?)
 }
@@ -261,8 +262,8 @@ fn watch(asked: &mut Asked, axes: &[AxisNumber], json: bool) -> Result<(), Exit>
         let states: Vec<AxisState> = set.axes.iter().filter(chosen).copied().collect();
         let mut picture = Vec::new();
         tell_states(&states, &asked.config, json, &mut picture)?;
-        if !json {
-            show::set(&set, rate, &mut picture)?;
+        if axes.is_empty() {
+            tell_set(&set, rate, json, &mut picture)?;
         }
         pictures.show(&picture)?;
         match until.recv_timeout(WATCH) {
@@ -277,4 +278,11 @@ fn tell_states(states: &[AxisState], config: &Config, json: bool, out: &mut dyn 
         return show::axes(states, config, out);
     }
     states.iter().try_for_each(|state| show::print_json(&show::AxisView::new(state, config), out))
+}
+
+fn tell_set(set: &Description, rate: Option<f64>, json: bool, out: &mut dyn Write) -> io::Result<()> {
+    if json {
+        return show::print_json(&serde_json::json!({ "recorder": set.recorder }), out);
+    }
+    show::set(set, rate, out)
 }

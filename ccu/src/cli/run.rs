@@ -19,7 +19,7 @@ use supersigma_protocol::Ticks;
 use super::asked::Asked;
 use super::exit::Exit;
 use super::progress::{Expected, Progress};
-use super::{SetArgs, StartArgs, config, set, show};
+use super::{SetArgs, StartArgs, set, show, timing};
 use crate::control::{Client, DownReport};
 use crate::daemon::{Daemon, Options};
 use crate::dry::{DryError, DrySet, NoPulses, PulseCsv, PulseWriter};
@@ -50,6 +50,9 @@ pub(super) struct RunArgs {
     /// Write every pulse of a dry run: tick,axis,position
     #[arg(long, value_name = "FILE", requires = "dry_run")]
     pulses: Option<PathBuf>,
+    /// Draw a dry run, movements and digital lines as bars: .svg or .png
+    #[arg(long, value_name = "FILE", requires = "dry_run")]
+    plot: Option<PathBuf>,
     /// One JSON object a movement, print or summary
     #[arg(long)]
     json: bool,
@@ -87,7 +90,8 @@ fn source(args: &RunArgs) -> Result<(String, String), Exit> {
 }
 
 fn dry_run(args: &RunArgs, program: &Program, source: String) -> Result<(), Exit> {
-    let config = config::load(args.start.config.as_deref())?;
+    args.plot.as_deref().map_or(Ok(()), timing::check_name)?;
+    let config = set::start_config(&args.start)?;
     let header = LogHeader {
         set: args.set.name.to_string(),
         names: AxisNames::from(&config),
@@ -127,15 +131,23 @@ fn run_dry<P: PulseWriter + Send + 'static>(
     let executive =
         Arc::into_inner(operator).ok_or_else(|| Exit::could_not(miette!("the dry set is still held")))?;
     let set = executive.into_inner().unwrap_or_else(PoisonError::into_inner).into_link();
+    let timing = set.timing();
     let elapsed = set.elapsed();
     let log = args.start.log.as_ref();
     let (pulses, summary) = set.finish().map_err(|error| dry_error(&error))?;
+    // How far a program came that failed is worth seeing, too.
+    timing::tell(&timing, &knowledge.config, args.json)?;
+    if let Some(path) = &args.plot {
+        timing::draw(&timing, &knowledge.config, program.name(), path)?;
+    }
     result.map_err(|error| Exit::of_program(error, knowledge))?;
     let log = log.zip(summary).map(|(path, summary)| DownReport {
         log: path.clone(),
         sent: summary.frames,
         logged: Some(summary.frames),
+        lost: Some(summary.lost),
         bytes: Some(summary.bytes),
+        parts: summary.parts,
     });
     tell_summary(args.json, &totals, elapsed, log.as_ref())?;
     Ok(pulses)
@@ -145,12 +157,13 @@ fn on_a_set_that_is_up(args: &RunArgs, program: &Program) -> Result<(), Exit> {
     let start = &args.start;
     if start.config.is_some()
         || start.log.is_some()
+        || start.log_rotate.is_some()
         || start.time_scale != axis_worker::clock::TimeScale::REAL
     {
         let name = &args.set.name;
         return Err(Exit::wrong(miette!(
             help = format!("leave these options out, or take the set down first: `ccu down --name {name}`"),
-            "set {name} is up already; --config, --log and --time-scale are for a set that is started"
+            "set {name} is up already; --config, --log, --log-rotate and --time-scale are for a set that is started"
         )));
     }
     let asked = Asked::connect(&args.set)?;
@@ -182,7 +195,7 @@ fn on_a_set_that_is_up(args: &RunArgs, program: &Program) -> Result<(), Exit> {
 }
 
 fn on_a_set_of_its_own(args: &RunArgs, home: &Home, program: &Program, source: String) -> Result<(), Exit> {
-    let config = config::load(args.start.config.as_deref())?;
+    let config = set::start_config(&args.start)?;
     let knowledge = knowledge(config.clone())?;
     // The set will be just switched on, as the rehearsed one: what the robot refuses there, it will refuse here.
     let known = Arc::clone(&knowledge);
@@ -364,7 +377,9 @@ fn tell_summary(
             "seconds": elapsed.as_seconds(),
             "frames_sent": log.map(|log| log.sent),
             "frames_logged": log.and_then(|log| log.logged),
+            "frames_lost": log.and_then(|log| log.lost),
             "log": log.map(|log| &log.log),
+            "log_parts": log.map(|log| &log.parts),
         });
         show::print_json(&serde_json::json!({ "summary": summary }), &mut out)?;
         return Ok(());

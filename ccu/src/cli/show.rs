@@ -9,8 +9,11 @@ use serde::Serialize;
 use supersigma_config::Config;
 use supersigma_protocol::{AxisReport, Deviation, Pace};
 
-use crate::control::Description;
+use crate::control::{Description, RecorderState, RecorderView};
 use crate::executive::{AxisState, Knowledge, Movement, MovementKind, Recovery};
+
+/// A recorder that is further behind the bus than this is worth a word.
+const BEHIND_MS: u64 = 200;
 
 /// A movement, for programs.
 #[derive(Debug, Serialize)]
@@ -153,7 +156,7 @@ fn speed(report: &AxisReport) -> f64 {
     report.pace.map_or(0.0, Pace::steps_per_second)
 }
 
-/// The set in two lines, below its axes.
+/// The set and its log, below its axes.
 pub(super) fn set(set: &Description, frames_a_second: Option<f64>, out: &mut dyn Write) -> io::Result<()> {
     let rate = frames_a_second.map(|rate| format!("{rate:.0} frames/s, ")).unwrap_or_default();
     let Description { name, up_s, time_scale, frames, lost, .. } = set;
@@ -161,9 +164,28 @@ pub(super) fn set(set: &Description, frames_a_second: Option<f64>, out: &mut dyn
         out,
         "\nset {name}: up {up_s:.0} s, time scale {time_scale}, {rate}{frames} frames, {lost} lost"
     )?;
-    let bytes = set.log_bytes.map_or_else(|| "not there".to_owned(), size);
-    let recorder = if set.recording { "recording" } else { "NOT RECORDING ANY MORE" };
-    writeln!(out, "log {} ({bytes}), {recorder}", set.log.display())
+    let RecorderView { state, log, parts, frames, lost, bytes, behind_ms, trouble } = &set.recorder;
+    let what = match (state, trouble) {
+        (RecorderState::Recording, None) => "log",
+        (RecorderState::DiskFull, _) => "DISK FULL, NO LOG ANY MORE, was",
+        (RecorderState::Recording | RecorderState::Stopped, _) => "NO LOG ANY MORE, was",
+    };
+    write!(out, "{what} {}", log.display())?;
+    if parts.len() > 1 {
+        write!(out, ", file {} of it", parts.len())?;
+    }
+    write!(out, ": {frames} frames, {}", size(*bytes))?;
+    if *lost > 0 {
+        write!(out, ", {lost} FRAMES ARE MISSING")?;
+    }
+    if *behind_ms > BEHIND_MS {
+        write!(out, ", {behind_ms} ms behind")?;
+    }
+    writeln!(out)?;
+    match trouble {
+        Some(trouble) => writeln!(out, "{}; nothing moves without a log\n{}", trouble.reason, trouble.advice),
+        None => Ok(()),
+    }
 }
 
 /// How many of something there are in a second.

@@ -10,6 +10,7 @@ use ratatui::widgets::{Block, Clear};
 use super::axes::{Columns, is};
 use super::live::Link;
 use super::view::{Mode, View};
+use crate::control::{RecorderState, RecorderView};
 use crate::watch::{DigitalSnapshot, EventView, LaneName, SetView, Snapshot};
 
 /// What is drawn.
@@ -104,9 +105,14 @@ fn head(scene: &Scene<'_>, width: u16) -> Vec<Line<'static>> {
 }
 
 fn log_line(set: &SetView, width: u16) -> Line<'static> {
-    let state = if set.recording { "● recording".green() } else { "NO LOG ANY MORE".red().bold() };
-    let size = set.log_bytes.map_or_else(|| "?".to_owned(), crate::cli::show::size);
-    let path = set.log.display().to_string();
+    let RecorderView { state, log, bytes, trouble, .. } = &set.recorder;
+    let state = match (state, trouble) {
+        (RecorderState::Recording, None) => "● recording".green(),
+        (RecorderState::DiskFull, _) => "DISK FULL, NO LOG ANY MORE".red().bold(),
+        (RecorderState::Recording | RecorderState::Stopped, _) => "NO LOG ANY MORE".red().bold(),
+    };
+    let size = crate::cli::show::size(*bytes);
+    let path = log.display().to_string();
     let room =
         usize::from(width).saturating_sub(" log   ".len() + 2 + size.len() + state.content.chars().count());
     let surplus = path.chars().count().saturating_sub(room);

@@ -17,9 +17,24 @@ use super::draw::Scene;
 use super::live::Link;
 use super::view::{Mode, View, Wish};
 use super::{draw_as_text, size};
-use crate::control::Description;
-use crate::executive::Request;
+use crate::control::{Description, RecorderState, RecorderView};
+use crate::executive::{LogTrouble, Request};
 use crate::watch::Picture;
+
+const LOG: &str = "/home/ada/.local/state/supersigma/cell-2-20261124T213625.011Z.mcap";
+
+fn recorder(trouble: Option<LogTrouble>) -> RecorderView {
+    RecorderView {
+        state: if trouble.is_some() { RecorderState::Stopped } else { RecorderState::Recording },
+        log: LOG.into(),
+        parts: vec![LOG.into()],
+        frames: 12_345,
+        lost: 0,
+        bytes: 1_234_567,
+        behind_ms: 12,
+        trouble,
+    }
+}
 
 fn description(config: &Config) -> Description {
     Description {
@@ -27,8 +42,7 @@ fn description(config: &Config) -> Description {
         pid: 4711,
         config: config.to_toml(),
         time_scale: 20.0,
-        log: "/home/ada/.local/state/supersigma/cell-2-20261124T213625.011Z.mcap".into(),
-        log_bytes: Some(1_234_567),
+        log: LOG.into(),
         up_s: 3_725.4,
         axes: vec![],
         digital: vec![Address::DIGITAL_INPUT, Address::DIGITAL_OUTPUT],
@@ -36,7 +50,7 @@ fn description(config: &Config) -> Description {
         outputs: None,
         frames: 12_345,
         lost: 0,
-        recording: true,
+        recorder: recorder(None),
     }
 }
 
@@ -168,10 +182,11 @@ fn view_of(picture: &Picture) -> View {
 #[test]
 fn lost_frames_and_an_ended_recorder_stand_in_the_head() {
     let (mut picture, view) = cell();
-    let set = Description { lost: 7, recording: false, ..description(picture.config()) };
+    let trouble = LogTrouble { reason: "the recorder was killed".into(), advice: "take the set down".into() };
+    let set = Description { lost: 7, recorder: recorder(Some(trouble)), ..description(picture.config()) };
     picture.describe(Duration::from_secs(2), &set);
     let text = drawn(&picture, &view, Link::Up, 80, 24);
-    for said in ["7 lost", "NO LOG ANY MORE", "recorder: the recorder has ended"] {
+    for said in ["7 lost", "NO LOG ANY MORE", "recorder: the recorder was killed; nothing moves"] {
         assert!(text.contains(said), "{said:?} is not in\n{text}");
     }
 }
