@@ -12,6 +12,7 @@ mod paper;
 mod plot;
 mod profile;
 mod progress;
+mod ps;
 mod run;
 mod service;
 mod set;
@@ -158,6 +159,17 @@ Examples:
   ccu inject left_x lost-steps=40          the next 40 pulses do not reach the motor
   ccu inject left_x switch=open            the limit switch never closes (closed, free)")]
     Inject(panel::InjectArgs),
+    /// The processes of the sets that are up
+    #[command(after_help = "Examples:\n  ccu ps\n  ccu ps --name cell-2 --json")]
+    Ps(ps::PsArgs),
+    /// Kill a worker on purpose, or let it hang, to see what happens
+    #[command(after_help = "\
+Examples:
+  ccu kill-worker left_x                   its process ends; it is started again, and its axis has no position
+  ccu kill-worker left_x --signal stop     it hangs
+  ccu kill-worker left_x --signal cont     it goes on
+  ccu kill-worker digital")]
+    KillWorker(ps::KillWorkerArgs),
     /// Show the frames of a log
     #[command(after_help = "\
 Examples:
@@ -290,6 +302,8 @@ impl Command {
             Self::Send(args) => panel::send(&args),
             Self::Word(args) => word::word(&args),
             Self::Inject(args) => panel::inject(&args),
+            Self::Ps(args) => ps::ps(&args),
+            Self::KillWorker(args) => ps::kill_worker(&args),
             Self::Frames(args) => logs::frames(&args),
             Self::Log(command) => logs::log(&command),
             Self::Recover(args) => logs::recover(&args),

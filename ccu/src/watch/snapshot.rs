@@ -7,7 +7,7 @@ use supersigma_protocol::bus::Lane;
 use supersigma_protocol::{Activity, AxisNumber, Deviation, Position, Steps, Tick};
 
 use super::frames::Filter;
-use crate::control::{Description, RecorderView};
+use crate::control::{Description, ProcessView, RecorderView};
 pub use crate::log::AlarmView;
 
 /// How much of everything a snapshot shall have.
@@ -73,6 +73,8 @@ pub struct SetView {
     pub time_scale: f64,
     /// The recorder, and its log.
     pub recorder: RecorderView,
+    /// Its processes.
+    pub processes: Vec<ProcessView>,
     /// Frames on its bus since it is up.
     pub frames: u64,
     /// Frames that were lost since it is up.
@@ -211,6 +213,7 @@ impl From<&Description> for SetView {
             up_s: set.up_s,
             time_scale: set.time_scale,
             recorder: set.recorder.clone(),
+            processes: set.processes.clone(),
             frames: set.frames,
             lost: set.lost,
         }

@@ -100,6 +100,10 @@ fn head(scene: &Scene<'_>, width: u16) -> Vec<Line<'static>> {
     if let Some(set) = set {
         first.push_span(format!("  up {}  time ×{}", up_time(set.up_s), set.time_scale));
     }
+    let restarts: u32 = set.iter().flat_map(|set| &set.processes).map(|process| process.restarts).sum();
+    if restarts > 0 {
+        first.push_span(format!("  {restarts} restarts").yellow());
+    }
     let second = set.as_ref().map_or_else(Line::default, |set| log_line(set, width));
     vec![first, second]
 }

@@ -17,7 +17,7 @@ use super::draw::Scene;
 use super::live::Link;
 use super::view::{Mode, View, Wish};
 use super::{draw_as_text, size};
-use crate::control::{Description, RecorderState, RecorderView};
+use crate::control::{Description, ProcessRole, ProcessState, ProcessView, RecorderState, RecorderView};
 use crate::executive::{LogTrouble, Request};
 use crate::watch::Picture;
 
@@ -51,6 +51,7 @@ fn description(config: &Config) -> Description {
         frames: 12_345,
         lost: 0,
         recorder: recorder(None),
+        processes: vec![],
     }
 }
 
@@ -109,7 +110,7 @@ fn cell() -> (Picture, View) {
         let body = Body::Command(Command::new(Address(1), operation).into());
         let number = u64::try_from(sequence).expect("small");
         let frame = Frame { sender: Sender::Ccu, sequence: Sequence(number), tick: Tick(4_000_000), body };
-        picture.take(Duration::from_millis(2_000), Lane::Commands, &frame.encode());
+        picture.take(Duration::from_secs(2), Lane::Commands, &frame.encode());
     }
     let view = View::new(config.axes.iter().map(|axis| (axis.address, axis.name.clone())).collect());
     (picture, view)
@@ -180,13 +181,24 @@ fn view_of(picture: &Picture) -> View {
 }
 
 #[test]
-fn lost_frames_and_an_ended_recorder_stand_in_the_head() {
+fn lost_frames_restarts_and_an_ended_recorder_stand_in_the_head() {
     let (mut picture, view) = cell();
     let trouble = LogTrouble { reason: "the recorder was killed".into(), advice: "take the set down".into() };
-    let set = Description { lost: 7, recorder: recorder(Some(trouble)), ..description(picture.config()) };
+    let again = ProcessView {
+        role: ProcessRole::Worker,
+        card: Some(Address(3)),
+        pid: Some(4712),
+        state: ProcessState::Running,
+        since_ms: 50,
+        restarts: 2,
+    };
+    let (recorder, processes) = (recorder(Some(trouble)), vec![again]);
+    let set = Description { lost: 7, recorder, processes, ..description(picture.config()) };
     picture.describe(Duration::from_secs(2), &set);
     let text = drawn(&picture, &view, Link::Up, 80, 24);
-    for said in ["7 lost", "NO LOG ANY MORE", "recorder: the recorder was killed; nothing moves"] {
+    for said in
+        ["7 lost", "2 restarts", "NO LOG ANY MORE", "recorder: the recorder was killed; nothing moves"]
+    {
         assert!(text.contains(said), "{said:?} is not in\n{text}");
     }
 }
