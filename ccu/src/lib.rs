@@ -10,3 +10,4 @@ pub mod log;
 pub mod plot;
 pub mod profile;
 pub mod script;
+pub mod watch;

@@ -7,10 +7,12 @@ mod check;
 mod config;
 mod exit;
 mod logs;
+mod monitor;
 mod panel;
 mod paper;
 mod plot;
 mod profile;
+mod progress;
 mod ps;
 mod rehearsal;
 mod repl;
@@ -141,6 +143,13 @@ Examples:
     /// What the axes are doing
     #[command(after_help = "Examples:\n  ccu status\n  ccu status left_x --json\n  ccu status --watch")]
     Status(ask::StatusArgs),
+    /// A dashboard: rails, speeds, lamps, frames and events as they happen, and keys that halt and brake
+    #[command(after_help = "\
+Examples:
+  ccu monitor                         the keys are shown with `?`; `q` quits
+  ccu monitor --name cell-2
+  ccu monitor --once --size 120x40    one picture as text, for a file or a message")]
+    Monitor(monitor::MonitorArgs),
     /// Show the digital inputs, or one of them
     #[command(after_help = "Examples:\n  ccu input\n  ccu input guard_closed\n  ccu input --json")]
     Input(panel::InputArgs),
@@ -315,6 +324,7 @@ impl Command {
             Self::Brake(args) => ask::brake(&args),
             Self::Clear(args) => ask::clear(&args),
             Self::Status(args) => ask::status(&args),
+            Self::Monitor(args) => monitor::monitor(&args),
             Self::Input(args) => panel::input(&args),
             Self::Output(args) => panel::output(&args),
             Self::Send(args) => panel::send(&args),

@@ -48,6 +48,8 @@ use std::path::PathBuf;
 
 use supersigma_protocol::bus::BusError;
 
+pub(crate) use events::{Event, Level, Watch as EventWatch};
+pub(crate) use filter::concerns;
 pub use filter::{Filter, Judge, operation};
 pub use frames::{Form, FramesAsked, FramesCount, frames};
 pub use header::{AxisNames, LogHeader, Timeline, WallTime};
@@ -58,6 +60,7 @@ pub use recorder::{RecorderStatus, run};
 pub use recover::{Lost, Recovery, recover};
 pub use rotation::Rotation;
 pub use senders::Gap;
+pub(crate) use view::sender_name;
 pub use view::{
     AboutView, AlarmView, AnswerView, AxisView, CommandView, DigitalView, FrameView, RefusalView, ReportView,
     UndecodableView,
