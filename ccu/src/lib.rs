@@ -7,5 +7,6 @@ pub mod dry;
 pub mod executive;
 pub mod home;
 pub mod log;
+pub mod notices;
 pub mod profile;
 pub mod script;

@@ -21,6 +21,7 @@ use clap::{Args, Parser, Subcommand};
 use miette::IntoDiagnostic;
 
 use self::exit::Exit;
+use crate::daemon::foxglove::{self, ViewAddress, ViewArgs};
 use crate::daemon::recorder::{self, RecorderArgs};
 use crate::home::SetName;
 
@@ -54,6 +55,7 @@ enum Command {
 Examples:
   ccu up                              in the foreground; Ctrl-C takes it down
   ccu up --detach                     in the background; `ccu down` takes it down
+  ccu up --foxglove 8765              with a live view for Foxglove at ws://127.0.0.1:8765
   ccu up --name cell-2 --config cell-2.toml --log cell-2.mcap")]
     Up(set::UpArgs),
     /// Take a set down: axes stand, the log is finished, nothing is left
@@ -63,6 +65,7 @@ Examples:
 Examples:
   ccu run examples/assembly.rhai
   ccu run -e 'origin(\"wrist\"); move_by(\"wrist\", 400)'
+  ccu run --foxglove 8765 examples/assembly.rhai
   ccu run --dry-run --pulses pulses.csv examples/assembly.rhai
   echo 'print(position(1))' | ccu run -")]
     Run(run::RunArgs),
@@ -154,6 +157,9 @@ Examples:
     /// The recorder's process; the daemon starts it
     #[command(hide = true)]
     Recorder(RecorderArgs),
+    /// The live view's process; the daemon starts it
+    #[command(hide = true)]
+    FoxgloveServer(ViewArgs),
 }
 
 /// Which set.
@@ -176,6 +182,9 @@ struct StartArgs {
     /// How many times faster than real time
     #[arg(long, value_name = "K", default_value_t = TimeScale::REAL)]
     time_scale: TimeScale,
+    /// Serve a live view for Foxglove, on this machine alone unless an address is named
+    #[arg(long, value_name = "[ADDR:]PORT")]
+    foxglove: Option<ViewAddress>,
 }
 
 #[derive(Args)]
@@ -193,8 +202,14 @@ struct FramesArgs {
 /// Runs the command that was typed.
 #[must_use]
 pub fn main() -> ExitCode {
-    axis_worker::start_logging();
-    match Cli::parse().command.run() {
+    let command = Cli::parse().command;
+    // A daemon's events go to its log too.
+    if matches!(command, Command::Up(_) | Command::Run(_)) {
+        crate::notices::start_logging();
+    } else {
+        axis_worker::start_logging();
+    }
+    match command.run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(exit) => exit.report(),
     }
@@ -226,6 +241,7 @@ impl Command {
             Self::Config(command) => config::config(&command),
             Self::AxisWorker(args) => worker::run(&args).into_diagnostic().map_err(Exit::could_not),
             Self::Recorder(args) => recorder::record(&args).map_err(Exit::could_not),
+            Self::FoxgloveServer(args) => foxglove::serve(&args).map_err(Exit::could_not),
         }
     }
 }

@@ -143,12 +143,13 @@ fn on_a_set_that_is_up(args: &RunArgs, program: &Program) -> Result<(), Exit> {
     let start = &args.start;
     if start.config.is_some()
         || start.log.is_some()
+        || start.foxglove.is_some()
         || start.time_scale != axis_worker::clock::TimeScale::REAL
     {
         let name = &args.set.name;
         return Err(Exit::wrong(miette!(
             help = format!("leave these options out, or take the set down first: `ccu down --name {name}`"),
-            "set {name} is up already; --config, --log and --time-scale are for a set that is started"
+            "set {name} is up already; --config, --log, --foxglove and --time-scale are for a set that is started"
         )));
     }
     let asked = Asked::connect(&args.set)?;
@@ -185,7 +186,8 @@ fn on_a_set_of_its_own(args: &RunArgs, home: &Home, program: &Program, source: S
     rehearse(program, &knowledge)?.map_or(Ok(()), Err)?;
     let log = set::log_path(args.start.log.as_ref(), &args.set.name)?;
     let scale = args.start.time_scale;
-    let options = Options { home: home.clone(), config, scale, log, script: Some(source) };
+    let foxglove = args.start.foxglove;
+    let options = Options { home: home.clone(), config, scale, log, script: Some(source), foxglove };
     let teller = Teller::new(args.json, &knowledge);
     let totals = teller.totals();
     let stop = Arc::new(AtomicBool::new(false));
@@ -197,6 +199,7 @@ fn on_a_set_of_its_own(args: &RunArgs, home: &Home, program: &Program, source: S
             let took = began_to_start.elapsed().as_secs_f64();
             let (name, workers) = (home.name(), daemon.workers());
             let _ = writeln!(io::stderr(), "set {name} is up in {took:.2} s: {workers} cards");
+            let _ = set::say_view(daemon.foxglove(), &mut io::stderr());
         }
         let began = Instant::now();
         let client = Client::connect(home)?.of_a_program();

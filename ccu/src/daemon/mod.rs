@@ -4,16 +4,20 @@
 //! |---------------------|-----------------------------------------|------------------------------------------------------|
 //! | a worker            | its watcher; silence on the bus         | all axes brake; its axis refuses to move             |
 //! | the recorder        | its watcher                             | all axes brake; nothing moves without a log          |
-//! | the CCU             | workers and recorder: lifeline's end    | axes brake, cards leave, the log is finished         |
+//! | the live view       | its watcher                             | nothing but a warning: it is for looking             |
+//! | the CCU             | the others: their lifelines' ends       | axes brake, cards leave, the log is finished         |
 //! | a client            | the control socket                      | what moves for it is halted                          |
 //!
 //! In order: start the recorder, then the cards, then listen to clients; stop in the opposite order, so that the log has
 //! everybody's last frame. Motion and meaning are not in here: they are the executive's and the cards'.
 
 mod exchange;
+pub mod foxglove;
+mod lifeline;
 mod process;
 pub mod recorder;
 mod server;
+mod telling;
 
 use std::ffi::OsString;
 use std::fs;
@@ -33,12 +37,14 @@ use supersigma_protocol::{About, Activity, Address, AxisNumber, Command, Occasio
 use tokio::sync::{Notify, watch};
 
 use self::exchange::Exchange;
+use self::foxglove::ViewAddress;
 use self::process::Process;
 use self::server::Desk;
 use crate::control::{Description, DownReport};
 use crate::executive::{AxisState, Heard, Knowledge};
 use crate::home::{Home, HomeError, Occupied};
 use crate::log::{LogSummary, WallTime};
+use crate::notices;
 
 /// How long processes may take to come to life.
 const BIRTH: Duration = Duration::from_secs(20);
@@ -60,6 +66,8 @@ pub struct Options {
     pub log: PathBuf,
     /// The program that it is started for.
     pub script: Option<String>,
+    /// Where a live view of it is served, if it is to be.
+    pub foxglove: Option<ViewAddress>,
 }
 
 /// Why a set cannot be started.
@@ -95,10 +103,31 @@ pub enum StartError {
         /// The log.
         log: PathBuf,
     },
+    /// The live view did not come to life.
+    #[error("the Foxglove server at {0} did not come to life")]
+    #[diagnostic(help("what it said stands above; the set works without it too"))]
+    NoView(ViewAddress),
+    /// This program was built without it.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    NoFoxglove(#[from] foxglove::NotBuilt),
     /// A card did not come to life.
     #[error("the worker of {0} did not come to life")]
     #[diagnostic(help("what it said stands above"))]
     NoWorker(Address),
+}
+
+/// A process that hears the bus and, along its lifeline, what the daemon has to say.
+struct Listening {
+    process: Process,
+    events: Option<notices::Stream>,
+}
+
+/// A live view that is being served.
+struct View {
+    listening: Listening,
+    /// Where, as viewers want it.
+    url: String,
 }
 
 /// A set that is up.
@@ -108,7 +137,8 @@ pub struct Daemon {
     bus: SharedBus,
     exchange: Arc<Exchange>,
     listening: JoinHandle<()>,
-    recorder: Process,
+    recorder: Listening,
+    view: Option<View>,
     workers: Vec<Process>,
     /// Once set, processes end because they shall.
     leaving: Arc<AtomicBool>,
@@ -123,7 +153,8 @@ impl Daemon {
     /// # Errors
     /// If something is in the way; then nothing of the set is left.
     pub fn start(options: Options) -> Result<Self, StartError> {
-        let Options { home, config, scale, log, script } = options;
+        let Options { home, config, scale, log, script, foxglove } = options;
+        foxglove::check(foxglove)?;
         let occupied = home.occupy()?;
         let place = Place::new(home.folder())?;
         let log =
@@ -144,12 +175,13 @@ impl Daemon {
         let leaving = Arc::new(AtomicBool::new(false));
         let births = Births { home: &home, clock, exchange: &exchange, leaving: &leaving };
         let processes = births.recorder(wall_epoch, &log, script.is_some()).and_then(|recorder| {
+            let view = foxglove.map(|address| births.view(wall_epoch, address)).transpose()?;
             let workers = births.workers(&knowledge)?;
             let listener = server::bind(&home.socket())
                 .map_err(|source| StartError::Io { what: "make the control socket", source })?;
-            Ok((recorder, workers, listener))
+            Ok((recorder, view, workers, listener))
         });
-        let (recorder, workers, listener) = match processes {
+        let (recorder, view, workers, listener) = match processes {
             Ok(processes) => processes,
             Err(error) => {
                 leaving.store(true, Ordering::Release);
@@ -161,13 +193,27 @@ impl Daemon {
             }
         };
         let desk = Arc::new(Desk {
-            describe: Box::new(describer(&home, &exchange, scale, &log)),
+            describe: Box::new(describer(&home, &exchange, scale, &log, view.as_ref())),
             exchange: Arc::clone(&exchange),
             down: Notify::new(),
             report: watch::Sender::new(None),
         });
         let serving = tokio::spawn(server::serve(listener, Arc::clone(&desk)));
-        Ok(Self { occupied, place, bus, exchange, listening, recorder, workers, leaving, desk, serving, log })
+        tracing::info!(name = %home.name(), cards = workers.len(), time_scale = scale.get(), "the set is up");
+        Ok(Self {
+            occupied,
+            place,
+            bus,
+            exchange,
+            listening,
+            recorder,
+            view,
+            workers,
+            leaving,
+            desk,
+            serving,
+            log,
+        })
     }
 
     /// Where it lives.
@@ -180,6 +226,12 @@ impl Daemon {
     #[must_use]
     pub fn log(&self) -> &Path {
         &self.log
+    }
+
+    /// Where a live view of it is served.
+    #[must_use]
+    pub fn foxglove(&self) -> Option<&str> {
+        self.view.as_ref().map(|view| view.url.as_str())
     }
 
     /// Its cards' processes: how many.
@@ -202,6 +254,7 @@ impl Daemon {
 
     /// Takes the set down: axes stand, cards leave, the log is finished, and nothing is left on the machine.
     pub async fn stop(mut self) -> DownReport {
+        tracing::info!("the set goes down");
         self.exchange.going_down();
         self.bring_to_a_stand();
         self.leaving.store(true, Ordering::Release);
@@ -212,8 +265,13 @@ impl Daemon {
         let everybody_left = || self.exchange.cards().values().all(|life| !life.alive);
         wait_for(&heard, END, everybody_left);
         self.recorder.let_go();
-        let summary = self.recorder.line(END).and_then(|line| serde_json::from_str::<LogSummary>(&line).ok());
-        self.recorder.finish(END);
+        let summary =
+            self.recorder.process.line(END).and_then(|line| serde_json::from_str::<LogSummary>(&line).ok());
+        self.recorder.process.finish(END);
+        if let Some(view) = &mut self.view {
+            view.listening.let_go();
+            view.listening.process.finish(END);
+        }
         for worker in &mut self.workers {
             worker.let_go();
         }
@@ -273,6 +331,20 @@ fn wait_for(heard: &std::sync::mpsc::Receiver<Heard>, limit: Duration, holds: im
     true
 }
 
+impl Listening {
+    /// Sends what the daemon has to say along the lifeline of a process that listens.
+    fn to(mut process: Process) -> Result<Self, StartError> {
+        let stream = process.take_lifeline().map(notices::stream_to).transpose();
+        let events = stream.map_err(|source| StartError::Io { what: "start a thread for events", source })?;
+        Ok(Self { process, events })
+    }
+
+    /// Ends the lifeline, behind what is still to be said.
+    fn let_go(&mut self) {
+        self.events = None;
+    }
+}
+
 /// What is needed to bring processes to life.
 struct Births<'a> {
     home: &'a Home,
@@ -292,11 +364,33 @@ impl Births<'_> {
         arguments
     }
 
-    fn recorder(&self, wall_epoch: WallTime, log: &Path, script: bool) -> Result<Process, StartError> {
-        let mut arguments = self.common("recorder");
+    /// The arguments of processes that hear everything.
+    fn listener(&self, command: &str, wall_epoch: WallTime) -> Vec<OsString> {
+        let mut arguments = self.common(command);
         let mut option = |name: &str, value: OsString| arguments.extend([name.into(), value]);
         option("--set", self.home.name().to_string().into());
         option("--wall-epoch", wall_epoch.0.to_string().into());
+        arguments
+    }
+
+    /// The live view: nothing depends on it.
+    fn view(&self, wall_epoch: WallTime, address: ViewAddress) -> Result<View, StartError> {
+        let mut arguments = self.listener("foxglove-server", wall_epoch);
+        arguments.extend(["--address".into(), address.to_string().into()]);
+        let leaving = Arc::clone(self.leaving);
+        let view = Process::start(arguments, move |status| {
+            if !leaving.load(Ordering::Acquire) {
+                tracing::warn!(%status, "the Foxglove server has ended; the set goes on");
+            }
+        });
+        let view = view.map_err(|source| StartError::Io { what: "start the Foxglove server", source })?;
+        let Some(url) = view.line(BIRTH) else { return Err(StartError::NoView(address)) };
+        Ok(View { listening: Listening::to(view)?, url })
+    }
+
+    fn recorder(&self, wall_epoch: WallTime, log: &Path, script: bool) -> Result<Listening, StartError> {
+        let mut arguments = self.listener("recorder", wall_epoch);
+        let mut option = |name: &str, value: OsString| arguments.extend([name.into(), value]);
         option("--log", log.into());
         if script {
             option("--script", self.home.script().into());
@@ -310,7 +404,7 @@ impl Births<'_> {
         });
         let recorder = recorder.map_err(|source| StartError::Io { what: "start the recorder", source })?;
         match recorder.line(BIRTH) {
-            Some(line) if line == recorder::READY => Ok(recorder),
+            Some(line) if line == recorder::READY => Listening::to(recorder),
             _ => Err(StartError::NoRecorder { log: log.to_owned() }),
         }
     }
@@ -357,9 +451,11 @@ fn describer(
     exchange: &Arc<Exchange>,
     scale: TimeScale,
     log: &Path,
+    view: Option<&View>,
 ) -> impl Fn() -> Description + Send + Sync + use<> {
     let (name, log, exchange) = (home.name().to_string(), log.to_owned(), Arc::clone(exchange));
     let since = Instant::now();
+    let foxglove = view.map(|view| view.url.clone());
     move || {
         let cards = exchange.cards();
         let axis = |axis: AxisNumber| match cards.get(&axis.address()) {
@@ -377,6 +473,7 @@ fn describer(
             config: config.to_toml(),
             time_scale: scale.get(),
             log: log.clone(),
+            foxglove: foxglove.clone(),
             up_s: since.elapsed().as_secs_f64(),
             axes: config
                 .axes

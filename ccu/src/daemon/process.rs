@@ -71,6 +71,11 @@ impl Process {
         }
     }
 
+    /// Its lifeline, for somebody else to hold; it ends when that is dropped.
+    pub(super) fn take_lifeline(&mut self) -> Option<ChildStdin> {
+        self.lifeline.take()
+    }
+
     /// Ends its lifeline.
     pub(super) fn let_go(&mut self) {
         self.lifeline = None;

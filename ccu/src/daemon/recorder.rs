@@ -2,11 +2,8 @@
 //! whatever happens to the CCU. It prints `ready` when it hears the bus, and its summary, as JSON, when it is done.
 
 use std::fs;
-use std::io::{self, Read, Write};
+use std::io::{self, Write};
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread;
 use std::time::Duration;
 
 use axis_worker::clock::{Clock, Monotonic, TimeScale};
@@ -16,6 +13,7 @@ use supersigma_config::Config;
 use supersigma_protocol::bus::Bus;
 use supersigma_protocol::bus::shared_memory::{Place, SharedBus};
 
+use super::lifeline::Lifeline;
 use crate::log::{AxisNames, LogHeader, LogWriter, Timeline, WallTime, run};
 
 /// What a recorder prints when it hears the bus.
@@ -67,10 +65,10 @@ pub fn record(args: &RecorderArgs) -> miette::Result<()> {
     let writer = LogWriter::create(&args.log, header, flush).into_diagnostic()?;
     let bus = SharedBus::join(&Place::new(&args.runtime).into_diagnostic()?).into_diagnostic()?;
     let tap = bus.tap().into_diagnostic()?;
-    let stop = watch_lifeline().into_diagnostic()?;
-    say(READY).into_diagnostic()?;
     let clock = Clock::new(Monotonic::from_nanos(args.epoch), args.time_scale);
-    let summary = run(tap, writer, || clock.now(), &stop).into_diagnostic()?;
+    let lifeline = Lifeline::watch(clock).into_diagnostic()?;
+    say(READY).into_diagnostic()?;
+    let summary = run(tap, writer, || clock.now(), &lifeline.events, &lifeline.ended).into_diagnostic()?;
     // If the CCU is gone, nobody reads this; the log is complete all the same.
     let _ = say(&serde_json::to_string(&summary).into_diagnostic()?);
     Ok(())
@@ -80,15 +78,4 @@ fn say(line: &str) -> io::Result<()> {
     let mut out = io::stdout().lock();
     writeln!(out, "{line}")?;
     out.flush()
-}
-
-fn watch_lifeline() -> io::Result<Arc<AtomicBool>> {
-    let ended = Arc::new(AtomicBool::new(false));
-    let flag = Arc::clone(&ended);
-    thread::Builder::new().name("lifeline".into()).spawn(move || {
-        let mut buffer = [0; 64];
-        while matches!(io::stdin().read(&mut buffer), Ok(1..)) {}
-        flag.store(true, Ordering::Release);
-    })?;
-    Ok(ended)
 }

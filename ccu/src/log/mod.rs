@@ -4,19 +4,24 @@
 //!   tap ─► recorder ─► writer ──► set.mcap ──► reader ──► frames (people, --json)
 //!                      │ senders   gaps in the sequence numbers
 //!                      │ order     one time order out of two services and eight senders
+//!                      │ messages  what viewers are told, in JSON; shared with `live`, the view of a running set
 //!                      │ view      frames decoded for JSON
+//!                      │ joints    all axes in one message
 //!                      └ schema    what the channels hold
 //! ```
 //!
 //! Topics: `/microbus` (the bytes as they travelled, one channel for each of the two services), `/command`,
-//! `/axis/<name>/status`, `/digital/status` and `/events`. The writer and the reader know no clock and no bus; the
+//! `/axis/<name>/status`, `/digital/status`, `/joint_states` and `/events`. The writer and the reader know no clock and no bus; the
 //! recorder's loop is the only room in here that sleeps. Nothing in here commands, or interprets motion.
 
 mod channels;
 mod events;
 mod frames;
 mod header;
+mod joints;
 mod line;
+mod live;
+mod messages;
 mod order;
 mod reader;
 mod recorder;
@@ -33,9 +38,12 @@ use std::path::PathBuf;
 
 use supersigma_protocol::bus::BusError;
 
+pub use events::{Event, Level};
 pub use frames::{FramesCount, frames};
 pub use header::{AxisNames, LogHeader, Timeline, WallTime};
 pub use line::Lines;
+pub use live::LiveView;
+pub use messages::{ENCODING, Message, SCHEMA_ENCODING, Topic};
 pub use reader::{LogReader, LoggedFrame};
 pub use recorder::run;
 pub use senders::Gap;

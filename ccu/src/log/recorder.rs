@@ -1,6 +1,7 @@
 //! The recorder process's loop: bus to log. It only listens; it sleeps between two looks and never spins.
 
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::Receiver;
 use std::thread;
 use std::time::Duration;
 
@@ -8,6 +9,7 @@ use supersigma_protocol::Tick;
 use supersigma_protocol::bus::Tap;
 
 use super::LogError;
+use super::events::Event;
 use super::senders::Gap;
 use super::writer::{LogSummary, LogWriter};
 
@@ -15,7 +17,7 @@ use super::writer::{LogSummary, LogWriter};
 const SILENCE: Duration = Duration::from_millis(600);
 
 /// Records the bus until `stop` is set and then until every card that spoke has sent its last frame, or nothing has
-/// been on the bus for 600 ms. `clock` tells the set's tick. Gaps are logged through `tracing` as they are found.
+/// been on the bus for 600 ms. `clock` tells the set's tick; `events` brings what the daemon has to say. Gaps are logged through `tracing` as they are found.
 ///
 /// # Errors
 /// If the bus or the file fails. When the bus fails, the log is finished all the same.
@@ -23,6 +25,7 @@ pub fn run(
     mut tap: impl Tap,
     mut writer: LogWriter,
     clock: impl Fn() -> Tick,
+    events: &Receiver<(Tick, Event)>,
     stop: &AtomicBool,
 ) -> Result<LogSummary, LogError> {
     let silence = writer.timeline().scale.ticks(SILENCE);
@@ -44,6 +47,9 @@ pub fn run(
                 return Err(error.into());
             }
         };
+        for (at, event) in events.try_iter() {
+            writer.note(at, event, now);
+        }
         writer.advance(now)?;
         if drained > 0 || !stopping {
             heard = now;

@@ -15,16 +15,15 @@ use std::time::Duration;
 use mcap::records::MessageHeader;
 use mcap::{McapError, WriteOptions};
 use supersigma_protocol::bus::Lane;
-use supersigma_protocol::{About, Body, CardKind, Frame, FrameError, Report, Sender, Sequence, Tick, Ticks};
+use supersigma_protocol::{About, Body, Frame, FrameError, Sender, Sequence, Tick, Ticks};
 
 use super::LogError;
 use super::channels::{Channels, McapFile, write_preamble};
-use super::events::{Event, Watch};
+use super::events::Event;
 use super::header::{LogHeader, METADATA_NAME, Timeline, WallTime};
+use super::messages::{Message, Messages, Seen, event_message};
 use super::order::HoldBack;
-use super::schema::twin;
 use super::senders::{Gap, Senders};
-use super::view::FrameView;
 
 /// The real time for which frames are held back, if `flush` leaves room for it.
 const HOLD_BACK: Duration = Duration::from_millis(20);
@@ -67,7 +66,9 @@ pub struct LogWriter {
     /// When the oldest frame that is not on disk was recorded.
     oldest: Option<Tick>,
     last_time: WallTime,
-    watch: Watch,
+    messages: Messages,
+    /// Events of the daemon that are held back, with their places in time.
+    notices: VecDeque<(Tick, Event)>,
     counts: LogSummary,
 }
 
@@ -118,13 +119,14 @@ impl LogWriter {
             hold,
             flush_age: header.timeline.scale.ticks(quarter * 3),
             poll: POLL.min(quarter).max(Duration::from_millis(1)),
-            header,
             mcap,
             senders: Senders::default(),
             held_commands: VecDeque::new(),
             oldest: None,
             last_time: epoch,
-            watch: Watch::default(),
+            messages: Messages::new(&header),
+            notices: VecDeque::new(),
+            header,
             counts: LogSummary::default(),
         })
     }
@@ -172,6 +174,14 @@ impl LogWriter {
         gap
     }
 
+    /// Takes an event of the daemon that happened at tick `at`.
+    pub fn note(&mut self, at: Tick, event: Event, now: Tick) {
+        // One process says them all, so that they keep their order; its clock is this one.
+        let at = self.notices.back().map_or(at, |(last, _)| at.max(*last)).min(now);
+        self.oldest.get_or_insert(now);
+        self.notices.push_back((at, event));
+    }
+
     /// Writes what has been held back long enough, and flushes what is due.
     ///
     /// # Errors
@@ -180,9 +190,11 @@ impl LogWriter {
         while let Some((at, noted)) = self.order.pop_due(now) {
             self.write(at, &noted)?;
         }
+        self.write_notices(Tick(now.0.saturating_sub(self.hold.0)))?;
         if self.oldest.is_some_and(|oldest| now.since(oldest) >= self.flush_age) {
             self.mcap.flush().map_err(|source| self.failed(source))?;
-            self.oldest = self.order.iter().map(|noted| noted.recorded).min();
+            let notices = self.notices.iter().map(|(at, _)| *at);
+            self.oldest = self.order.iter().map(|noted| noted.recorded).chain(notices).min();
         }
         Ok(())
     }
@@ -194,6 +206,10 @@ impl LogWriter {
     pub fn finish(mut self) -> Result<LogSummary, LogError> {
         while let Some((at, noted)) = self.order.pop() {
             self.write(at, &noted)?;
+        }
+        self.write_notices(Tick(u64::MAX))?;
+        if let Some(message) = self.messages.rest() {
+            self.tell(&message, self.last_time, self.last_time)?;
         }
         self.mcap.finish().map_err(|source| self.failed(source))?;
         let Self { path, mcap, counts, .. } = self;
@@ -232,50 +248,37 @@ impl LogWriter {
         if frame.as_ref().is_ok_and(is_ccu_command) {
             self.held_commands.pop_front();
         }
-        let timeline = self.header.timeline;
-        let time = timeline.wall(at).max(self.last_time);
-        self.last_time = time;
-        let published = timeline.wall(frame.as_ref().map_or(at, |frame| frame.tick));
+        self.write_notices(at)?;
+        let time = self.time_of(at);
+        let published = self.header.timeline.wall(frame.as_ref().map_or(at, |frame| frame.tick));
         self.put(self.channels.microbus(*lane), None, time, published, bytes)?;
+        let mut told = Vec::new();
+        let seen = Seen { bytes, frame: frame.as_ref(), gap: *gap, time };
+        self.messages.of(seen, &mut |message| told.push(message));
+        told.into_iter().try_for_each(|message| self.tell(&message, time, published))
+    }
 
-        let names = &self.header.names;
-        let mut events: Vec<Event> = gap.map(|gap| Event::gap(gap, names)).into_iter().collect();
-        match frame {
-            Ok(frame) => {
-                events.extend(self.watch.events(frame, names));
-                let message = match FrameView::new(bytes, Ok(frame), names) {
-                    FrameView::Command(view) => twin(&view),
-                    FrameView::Answer(view) => twin(&view),
-                    FrameView::Undecodable(view) => twin(&view),
-                };
-                match self.twin_channel(frame)? {
-                    Some(channel) => {
-                        self.put(channel, Some(frame.sequence), time, published, &message)?;
-                    }
-                    None => events.push(Event::stranger(frame)),
-                }
-            }
-            Err(error) => events.push(Event::undecodable(bytes, error)),
-        }
-        for event in &events {
-            self.put(self.channels.events(), None, time, published, &twin(&event.at(time)))?;
+    /// Writes the daemon's events up to a place in time.
+    fn write_notices(&mut self, until: Tick) -> Result<(), LogError> {
+        while self.notices.front().is_some_and(|(at, _)| *at <= until)
+            && let Some((at, event)) = self.notices.pop_front()
+        {
+            let (time, published) = (self.time_of(at), self.header.timeline.wall(at));
+            self.tell(&event_message(&event, published), time, published)?;
         }
         Ok(())
     }
 
-    /// The channel for the twin of a frame; `None` for a motor's state under an address that is no axis'.
-    fn twin_channel(&mut self, frame: &Frame) -> Result<Option<u16>, LogError> {
-        let Body::Answer(answer) = &frame.body else {
-            return Ok(Some(self.channels.command()));
-        };
-        match (answer.report, answer.card.kind()) {
-            (Report::Digital(_), _) => Ok(Some(self.channels.digital())),
-            (Report::Axis(_), CardKind::Axis(axis)) => {
-                let channel = self.channels.axis(axis, &mut self.mcap, &self.header);
-                channel.map(Some).map_err(|source| self.failed(source))
-            }
-            (Report::Axis(_), _) => Ok(None),
-        }
+    /// The log time of a place in time: it never falls.
+    fn time_of(&mut self, at: Tick) -> WallTime {
+        self.last_time = self.header.timeline.wall(at).max(self.last_time);
+        self.last_time
+    }
+
+    fn tell(&mut self, message: &Message, time: WallTime, published: WallTime) -> Result<(), LogError> {
+        let channel = self.channels.topic(message.topic, &mut self.mcap, &self.header);
+        let channel = channel.map_err(|source| self.failed(source))?;
+        self.put(channel, message.number, time, message.time.unwrap_or(published), &message.data)
     }
 
     /// Writes one message. `number` is its place on the channel; without one, messages are counted.

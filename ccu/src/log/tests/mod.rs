@@ -3,6 +3,7 @@
 mod cut;
 mod events;
 mod file;
+mod joints;
 mod order;
 mod recorder;
 mod schema;

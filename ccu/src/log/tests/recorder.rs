@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc;
 
 use supersigma_protocol::bus::{BusError, Tap};
 
@@ -51,7 +52,7 @@ fn record(batches: Vec<Vec<Frame>>, stop_after: usize, broken: bool) -> Run {
     let (stop, looks) = (AtomicBool::new(false), AtomicU64::new(0));
     let script = Script { batches: batches.into(), stop: &stop, stop_after, looks: &looks, broken };
     let clock = || Tick(looks.load(Ordering::Relaxed) * 10 * MILLISECOND);
-    let result = run(script, writer(&path), clock, &stop);
+    let result = run(script, writer(&path), clock, &mpsc::channel().1, &stop);
     let (logged, reader) = read(&path);
     Run { result, logged, truncated: reader.truncated(), looks: looks.into_inner() }
 }
