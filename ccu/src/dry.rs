@@ -314,7 +314,7 @@ impl<P: PulseWriter> Link for DrySet<P> {
             if self.now >= until {
                 return Ok(None);
             }
-            let next = self.cards.iter().filter_map(|seat| seat.card.next_event()).min();
+            let next = self.cards.iter().filter_map(|seat| seat.card.next_news()).min();
             self.now = next.map_or(until, |next| next.clamp(self.now, until));
             self.exchange()?;
         }
