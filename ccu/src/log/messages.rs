@@ -135,7 +135,7 @@ impl Messages {
                     None => events.push(Event::stranger(frame)),
                 }
                 if let Body::Answer(answer) = &frame.body {
-                    self.joints.hear(answer).into_iter().map(joint_states).for_each(&mut *tell);
+                    self.joints.hear(answer).iter().map(joint_states).for_each(&mut *tell);
                 }
             }
             Err(error) => events.push(Event::undecodable(bytes, error)),
@@ -145,7 +145,7 @@ impl Messages {
 
     /// What waits for frames that will not come any more.
     pub(super) fn rest(&mut self) -> Option<Message> {
-        self.joints.rest().map(joint_states)
+        self.joints.rest().as_ref().map(joint_states)
     }
 }
 
@@ -154,8 +154,8 @@ pub(super) fn event_message(event: &Event, time: WallTime) -> Message {
     Message { topic: Topic::Events, number: None, time: None, data: twin(&event.at(time)) }
 }
 
-fn joint_states(states: JointStates) -> Message {
-    Message { topic: Topic::Joints, number: None, time: Some(states.time()), data: twin(&states) }
+fn joint_states(states: &JointStates) -> Message {
+    Message { topic: Topic::Joints, number: None, time: Some(states.time()), data: twin(states) }
 }
 
 /// Where the twin of a frame belongs; `None` for a motor's state under an address that is no axis'.
