@@ -36,13 +36,14 @@ pub fn start_logging() {
 }
 
 /// What writes to standard error, as `RUST_LOG` asks for it; warnings and worse if it does not, but of the bus' library
-/// only errors: it warns of what it then does right.
+/// only errors: it warns of what it then does right; and of the viewers' server nothing, because viewers come and go.
 pub fn stderr_layer<S>() -> impl Layer<S>
 where
     S: tracing::Subscriber + for<'span> tracing_subscriber::registry::LookupSpan<'span>,
 {
-    let filter = tracing_subscriber::EnvFilter::try_from_default_env()
-        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn,iceoryx2_bb_loggers=error"));
+    let filter = tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| {
+        tracing_subscriber::EnvFilter::new("warn,iceoryx2_bb_loggers=error,foxglove=off")
+    });
     let colours = std::io::IsTerminal::is_terminal(&std::io::stderr());
     tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_ansi(colours).with_filter(filter)
 }
