@@ -27,3 +27,7 @@ demo:
 # Build the book from docs/ into docs/book; needs mdBook (`cargo install mdbook`)
 docs:
     mdbook build docs
+
+# Write the manual pages of all commands to target/man
+man:
+    cargo run --release -- man target/man

@@ -11,6 +11,7 @@ pub mod clock;
 mod digital;
 #[deny(clippy::float_arithmetic)]
 pub mod firmware;
+pub mod journal;
 pub mod mechanism;
 pub mod motor;
 #[deny(clippy::float_arithmetic)]
@@ -36,14 +37,19 @@ pub fn start_logging() {
 }
 
 /// What writes to standard error, as `RUST_LOG` asks for it; warnings and worse if it does not, but of the bus' library
-/// only errors: it warns of what it then does right; and of the viewers' server nothing, because viewers come and go.
-pub fn stderr_layer<S>() -> impl Layer<S>
+/// only errors: it warns of what it then does right; and of the viewers' server nothing, because viewers come and go. In
+/// colours only on a terminal, and not if `NO_COLOR` is set; with priorities if it is the [`journal`] that listens.
+pub fn stderr_layer<S>() -> Box<dyn Layer<S> + Send + Sync>
 where
-    S: tracing::Subscriber + for<'span> tracing_subscriber::registry::LookupSpan<'span>,
+    S: tracing::Subscriber + for<'span> tracing_subscriber::registry::LookupSpan<'span> + Send + Sync,
 {
     let filter = tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| {
         tracing_subscriber::EnvFilter::new("warn,iceoryx2_bb_loggers=error,foxglove=off")
     });
-    let colours = std::io::IsTerminal::is_terminal(&std::io::stderr());
-    tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_ansi(colours).with_filter(filter)
+    let told = tracing_subscriber::fmt::layer().with_writer(std::io::stderr);
+    if journal::is_connected() {
+        return told.with_ansi(false).event_format(journal::Lines).with_filter(filter).boxed();
+    }
+    let wanted = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
+    told.with_ansi(wanted && std::io::IsTerminal::is_terminal(&std::io::stderr())).with_filter(filter).boxed()
 }

@@ -18,7 +18,7 @@ use supersigma_protocol::{
 };
 
 use crate::executive::{Common, Failure, Heard, Knowledge, Link};
-use crate::log::{LogError, LogHeader, LogSummary, LogWriter};
+use crate::log::{LogError, LogHeader, LogSummary, LogWriter, Rotation};
 
 /// Where pulses go.
 pub trait PulseWriter {
@@ -143,7 +143,8 @@ impl<P: PulseWriter> DrySet<P> {
         let log = match log {
             Some((path, header)) => {
                 let flush = Duration::from_millis(knowledge.config.log.flush_ms.into());
-                Some((bus.tap()?, LogWriter::create(path, header, flush)?))
+                let writer = LogWriter::create(path, header, flush)?;
+                Some((bus.tap()?, writer.rotating(Rotation::from(&knowledge.config.log))))
             }
             None => None,
         };

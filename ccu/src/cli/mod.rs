@@ -6,8 +6,10 @@ mod asked;
 mod config;
 mod exit;
 mod panel;
+mod paper;
 mod profile;
 mod run;
+mod service;
 mod set;
 mod show;
 mod word;
@@ -17,7 +19,7 @@ use std::process::ExitCode;
 
 use axis_worker::clock::TimeScale;
 use axis_worker::worker::{self, WorkerArgs};
-use clap::{Args, Parser, Subcommand};
+use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use miette::IntoDiagnostic;
 
 use self::exit::Exit;
@@ -59,6 +61,7 @@ Examples:
   ccu up --name cell-2 --config cell-2.toml --log cell-2.mcap")]
     Up(set::UpArgs),
     /// Take a set down: axes stand, the log is finished, nothing is left
+    #[command(after_help = "Examples:\n  ccu down\n  ccu down --name cell-2")]
     Down(set::DownArgs),
     /// Run a program, on a set that is up or on one of its own
     #[command(after_help = "\
@@ -92,19 +95,27 @@ Examples:
     #[command(after_help = "Examples:\n  ccu origin\n  ccu origin left_x left_y")]
     Origin(ask::OriginArgs),
     /// Find the reference step of an axis
+    #[command(after_help = "Examples:\n  ccu reference left_x\n  ccu reference 1 --json")]
     Reference(ask::ReferenceArgs),
     /// Stop axes with the normal ramp; positions are kept
+    #[command(
+        after_help = "Examples:\n  ccu halt                            all axes\n  ccu halt left_x left_y"
+    )]
     Halt(ask::AxesArgs),
     /// Finish what was halted: the remaining steps, alone or on a line
+    #[command(after_help = "Examples:\n  ccu resume\n  ccu resume --json")]
     Resume(ask::ResumeArgs),
     /// Stop axes with the steep ramp and lock them; positions are kept
+    #[command(after_help = "Examples:\n  ccu brake                           all axes\n  ccu brake wrist")]
     Brake(ask::AxesArgs),
     /// Acknowledge alarms, so that axes may move again
+    #[command(after_help = "Examples:\n  ccu clear                           all axes\n  ccu clear left_x")]
     Clear(ask::AxesArgs),
     /// What the axes are doing
     #[command(after_help = "Examples:\n  ccu status\n  ccu status left_x --json\n  ccu status --watch")]
     Status(ask::StatusArgs),
     /// Show the digital inputs, or one of them
+    #[command(after_help = "Examples:\n  ccu input\n  ccu input guard_closed\n  ccu input --json")]
     Input(panel::InputArgs),
     /// Show the digital outputs, or switch one
     #[command(after_help = "Examples:\n  ccu output\n  ccu output left_gripper on\n  ccu output 3 off")]
@@ -151,6 +162,16 @@ Examples:
     /// Check, show and describe configurations
     #[command(subcommand)]
     Config(config::ConfigCommand),
+    /// Print the completions of a shell
+    #[command(after_help = "\
+Examples:
+  ccu completions bash > ~/.local/share/bash-completion/completions/ccu
+  ccu completions zsh > ~/.zfunc/_ccu
+  ccu completions fish > ~/.config/fish/completions/ccu.fish")]
+    Completions(paper::CompletionsArgs),
+    /// Print the manual page, or write those of all commands
+    #[command(after_help = "Examples:\n  ccu man > ccu.1\n  ccu man ~/.local/share/man/man1")]
+    Man(paper::ManArgs),
     /// One card's process; the daemon starts them
     #[command(hide = true)]
     AxisWorker(WorkerArgs),
@@ -179,6 +200,9 @@ struct StartArgs {
     /// The log; must not exist yet [default: a new file in ~/.local/state/supersigma]
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
+    /// Go on in another file when one is so long, or so old: 100MB, 2GB, 10min, 1h
+    #[arg(long, value_name = "SIZE|TIME")]
+    log_rotate: Option<set::LogRotate>,
     /// How many times faster than real time
     #[arg(long, value_name = "K", default_value_t = TimeScale::REAL)]
     time_scale: TimeScale,
@@ -202,16 +226,30 @@ struct FramesArgs {
 /// Runs the command that was typed.
 #[must_use]
 pub fn main() -> ExitCode {
-    let command = Cli::parse().command;
+    let parsed = Cli::command()
+        .try_get_matches()
+        .and_then(|matches| Ok((asks_for_json(&matches), Cli::from_arg_matches(&matches)?)));
+    let (json, cli) = match parsed {
+        Ok(parsed) => parsed,
+        Err(error) => return exit::usage(&error),
+    };
     // A daemon's events go to its log too.
-    if matches!(command, Command::Up(_) | Command::Run(_)) {
+    if matches!(cli.command, Command::Up(_) | Command::Run(_)) {
         crate::notices::start_logging();
     } else {
         axis_worker::start_logging();
     }
-    match command.run() {
+    match cli.command.run() {
         Ok(()) => ExitCode::SUCCESS,
-        Err(exit) => exit.report(),
+        Err(exit) => exit.report(json),
+    }
+}
+
+/// Whether the innermost command that was typed has `--json`: then its failures are JSON too.
+fn asks_for_json(matches: &ArgMatches) -> bool {
+    match matches.subcommand() {
+        Some((_, inner)) => asks_for_json(inner),
+        None => matches.try_get_one::<bool>("json").ok().flatten().copied().unwrap_or(false),
     }
 }
 
@@ -239,8 +277,14 @@ impl Command {
             Self::Frames(args) => frames(&args),
             Self::Profile(args) => profile::profile(&args),
             Self::Config(command) => config::config(&command),
+            Self::Completions(args) => paper::completions(&args),
+            Self::Man(args) => paper::man(&args),
             Self::AxisWorker(args) => worker::run(&args).into_diagnostic().map_err(Exit::could_not),
-            Self::Recorder(args) => recorder::record(&args).map_err(Exit::could_not),
+            Self::Recorder(args) => match recorder::record(&args) {
+                Ok(true) => Ok(()),
+                Ok(false) => Err(Exit::silent(1)),
+                Err(report) => Err(Exit::could_not(report)),
+            },
             Self::FoxgloveServer(args) => foxglove::serve(&args).map_err(Exit::could_not),
         }
     }
@@ -252,10 +296,10 @@ fn frames(args: &FramesArgs) -> Result<(), Exit> {
         .into_diagnostic()
         .map_err(Exit::wrong)?;
     if counts.truncated {
-        eprintln!(
+        exit::say(&format!(
             "the log ends in the middle of a record; the {} frames before that are shown",
             counts.printed
-        );
+        ));
     }
     Ok(())
 }

@@ -16,6 +16,7 @@ pub mod foxglove;
 mod lifeline;
 mod process;
 pub mod recorder;
+mod recording;
 mod server;
 mod telling;
 
@@ -39,9 +40,11 @@ use tokio::sync::{Notify, watch};
 use self::exchange::Exchange;
 use self::foxglove::ViewAddress;
 use self::process::Process;
+use self::recorder::{Cause, Said};
+use self::recording::{Ear, Recording};
 use self::server::Desk;
 use crate::control::{Description, DownReport};
-use crate::executive::{AxisState, Heard, Knowledge};
+use crate::executive::{AxisState, Heard, Knowledge, LogTrouble};
 use crate::home::{Home, HomeError, Occupied};
 use crate::log::{LogSummary, WallTime};
 use crate::notices;
@@ -96,6 +99,10 @@ pub enum StartError {
         /// What the system said.
         source: io::Error,
     },
+    /// The log cannot be begun.
+    #[error("{}", .0.reason)]
+    #[diagnostic(help("{}", .0.advice))]
+    NoLog(LogTrouble),
     /// The recorder did not come to life.
     #[error("the recorder did not come to life")]
     #[diagnostic(help("what it said stands above; the log was to be {}", log.display()))]
@@ -137,7 +144,7 @@ pub struct Daemon {
     bus: SharedBus,
     exchange: Arc<Exchange>,
     listening: JoinHandle<()>,
-    recorder: Listening,
+    recorder: Recorder,
     view: Option<View>,
     workers: Vec<Process>,
     /// Once set, processes end because they shall.
@@ -193,7 +200,7 @@ impl Daemon {
             }
         };
         let desk = Arc::new(Desk {
-            describe: Box::new(describer(&home, &exchange, scale, &log, view.as_ref())),
+            describe: Box::new(describer(&home, &exchange, scale, &log, &recorder.recording, view.as_ref())),
             exchange: Arc::clone(&exchange),
             down: Notify::new(),
             report: watch::Sender::new(None),
@@ -264,10 +271,9 @@ impl Daemon {
         let heard = self.exchange.subscribe();
         let everybody_left = || self.exchange.cards().values().all(|life| !life.alive);
         wait_for(&heard, END, everybody_left);
-        self.recorder.let_go();
-        let summary =
-            self.recorder.process.line(END).and_then(|line| serde_json::from_str::<LogSummary>(&line).ok());
-        self.recorder.process.finish(END);
+        self.recorder.listening.let_go();
+        let summary = self.recorder.last_words.recv_timeout(END).ok();
+        self.recorder.listening.process.finish(END);
         if let Some(view) = &mut self.view {
             view.listening.let_go();
             view.listening.process.finish(END);
@@ -285,7 +291,9 @@ impl Daemon {
             log: self.log,
             sent: counts.commands + counts.answers + counts.lost,
             logged: summary.as_ref().map(|summary| summary.frames),
-            bytes: summary.map(|summary| summary.bytes),
+            lost: summary.as_ref().map(|summary| summary.lost),
+            bytes: summary.as_ref().map(|summary| summary.bytes),
+            parts: summary.map_or_else(|| self.recorder.recording.view().parts, |summary| summary.parts),
         };
         self.serving.abort();
         drop(self.bus);
@@ -329,6 +337,13 @@ fn wait_for(heard: &std::sync::mpsc::Receiver<Heard>, limit: Duration, holds: im
         }
     }
     true
+}
+
+/// The recorder's process, and what it says.
+struct Recorder {
+    listening: Listening,
+    recording: Recording,
+    last_words: std::sync::mpsc::Receiver<LogSummary>,
 }
 
 impl Listening {
@@ -388,25 +403,42 @@ impl Births<'_> {
         Ok(View { listening: Listening::to(view)?, url })
     }
 
-    fn recorder(&self, wall_epoch: WallTime, log: &Path, script: bool) -> Result<Listening, StartError> {
+    fn recorder(&self, wall_epoch: WallTime, log: &Path, script: bool) -> Result<Recorder, StartError> {
         let mut arguments = self.listener("recorder", wall_epoch);
         let mut option = |name: &str, value: OsString| arguments.extend([name.into(), value]);
         option("--log", log.into());
         if script {
             option("--script", self.home.script().into());
         }
-        let (exchange, leaving) = (Arc::clone(self.exchange), Arc::clone(self.leaving));
-        let recorder = Process::start(arguments, move |status| {
-            if !leaving.load(Ordering::Acquire) {
-                tracing::error!(%status, "the recorder has ended; all axes brake");
-                exchange.no_log();
+        let cannot = |source| StartError::Io { what: "start the recorder", source };
+        let (told, ended) = std::sync::mpsc::channel();
+        // Whoever has its last words asks for the status; before that, nobody may.
+        let tell = move |status| {
+            let _ = told.send(status);
+        };
+        let mut process = Process::start(arguments, tell).map_err(cannot)?;
+        let first = process.line(BIRTH).and_then(|line| serde_json::from_str(&line).ok());
+        match first {
+            Some(Said::Ready) => {}
+            Some(Said::Failed { cause: Cause::Exists, .. }) => {
+                return Err(StartError::LogExists(log.to_owned()));
             }
-        });
-        let recorder = recorder.map_err(|source| StartError::Io { what: "start the recorder", source })?;
-        match recorder.line(BIRTH) {
-            Some(line) if line == recorder::READY => Listening::to(recorder),
-            _ => Err(StartError::NoRecorder { log: log.to_owned() }),
+            Some(Said::Failed { trouble, .. }) => return Err(StartError::NoLog(trouble)),
+            Some(Said::Status(_) | Said::Done(_)) | None => {
+                return Err(StartError::NoRecorder { log: log.to_owned() });
+            }
         }
+        let recording = Recording::new(log);
+        let (exchange, leaving) = (Arc::clone(self.exchange), Arc::clone(self.leaving));
+        let ear = Ear {
+            lines: process.take_lines(),
+            ended,
+            on_loss: exchange.knowledge().config.log.on_loss,
+            no_log: Box::new(move |trouble| exchange.no_log(trouble)),
+            leaving: Box::new(move || leaving.load(Ordering::Acquire)),
+        };
+        let last_words = recording.listen(ear).map_err(cannot)?;
+        Ok(Recorder { listening: Listening::to(process)?, recording, last_words })
     }
 
     /// Starts all cards at once, and waits until all have joined.
@@ -451,9 +483,11 @@ fn describer(
     exchange: &Arc<Exchange>,
     scale: TimeScale,
     log: &Path,
+    recording: &Recording,
     view: Option<&View>,
 ) -> impl Fn() -> Description + Send + Sync + use<> {
     let (name, log, exchange) = (home.name().to_string(), log.to_owned(), Arc::clone(exchange));
+    let recording = recording.clone();
     let since = Instant::now();
     let foxglove = view.map(|view| view.url.clone());
     move || {
@@ -486,7 +520,7 @@ fn describer(
                 .map_or_else(Vec::new, |_| vec![Address::DIGITAL_INPUT, Address::DIGITAL_OUTPUT]),
             frames: counts.commands + counts.answers,
             lost: counts.lost,
-            recording: !exchange.is_without_log(),
+            recorder: recording.view(),
         }
     }
 }

@@ -2,24 +2,29 @@
 //! them. Numbers of channels are the file's own; nobody outside of the writer needs them.
 
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::BufWriter;
 
 use mcap::records::Metadata;
 use mcap::{Attachment, McapError};
 use supersigma_protocol::bus::Lane;
 
+use super::file::LogFile;
 use super::header::{CONFIG_NAME, LogHeader, METADATA_NAME, SCRIPT_NAME};
 use super::messages::{ENCODING, SCHEMA_ENCODING, Topic};
+use super::part::PartPlace;
 use super::schema::FRAME_TYPES;
 
 /// The file that is being written.
-pub(super) type McapFile = mcap::Writer<BufWriter<File>>;
+pub(super) type McapFile = mcap::Writer<LogFile>;
 
 /// The topic of the raw frames.
 pub(super) const MICROBUS: &str = "/microbus";
 /// The key of a raw channel's metadata that says which of the two services it carries.
 pub(super) const LANE: &str = "lane";
+
+/// The metadata's key for the number of the file in its log, from 1.
+const PART: &str = "part";
+/// The metadata's key for the name of the file before it.
+const PREVIOUS: &str = "previous";
 
 /// How a lane is called in a channel's metadata.
 pub(super) const fn lane_name(lane: Lane) -> &'static str {
@@ -30,7 +35,11 @@ pub(super) const fn lane_name(lane: Lane) -> &'static str {
 }
 
 /// Attachments first, the metadata last: whoever finds the metadata has found everything.
-pub(super) fn write_preamble(mcap: &mut McapFile, header: &LogHeader) -> Result<(), McapError> {
+pub(super) fn write_preamble(
+    mcap: &mut McapFile,
+    header: &LogHeader,
+    place: &PartPlace,
+) -> Result<(), McapError> {
     let epoch = header.timeline.epoch.0;
     let script = header.script.as_ref().map(|script| (SCRIPT_NAME, "text/plain", script));
     for (name, media_type, text) in
@@ -44,7 +53,10 @@ pub(super) fn write_preamble(mcap: &mut McapFile, header: &LogHeader) -> Result<
             data: text.as_bytes().into(),
         })?;
     }
-    mcap.write_metadata(&Metadata { name: METADATA_NAME.to_owned(), metadata: header.to_metadata() })
+    let mut metadata = header.to_metadata();
+    metadata.insert(PART.to_owned(), place.number.to_string());
+    metadata.extend(place.previous.clone().map(|previous| (PREVIOUS.to_owned(), previous)));
+    mcap.write_metadata(&Metadata { name: METADATA_NAME.to_owned(), metadata })
 }
 
 /// The channels' numbers in the file.

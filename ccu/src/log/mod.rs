@@ -2,6 +2,8 @@
 //!
 //! ```text
 //!   tap ─► recorder ─► writer ──► set.mcap ──► reader ──► frames (people, --json)
+//!                      │ rotation  when the next file begins
+//!                      │ part      one MCAP file; file: the bytes of it that are whole
 //!                      │ senders   gaps in the sequence numbers
 //!                      │ order     one time order out of two services and eight senders
 //!                      │ messages  what viewers are told, in JSON; shared with `live`, the view of a running set
@@ -16,6 +18,7 @@
 
 mod channels;
 mod events;
+mod file;
 mod frames;
 mod header;
 mod joints;
@@ -23,8 +26,10 @@ mod line;
 mod live;
 mod messages;
 mod order;
+mod part;
 mod reader;
 mod recorder;
+mod rotation;
 mod schema;
 mod senders;
 mod view;
@@ -45,7 +50,8 @@ pub use line::Lines;
 pub use live::LiveView;
 pub use messages::{ENCODING, Message, SCHEMA_ENCODING, Topic};
 pub use reader::{LogReader, LoggedFrame};
-pub use recorder::run;
+pub use recorder::{RecorderStatus, run};
+pub use rotation::Rotation;
 pub use senders::Gap;
 pub use view::{
     AboutView, AlarmView, AnswerView, AxisView, CommandView, DigitalView, FrameView, RefusalView, ReportView,
@@ -63,20 +69,26 @@ pub enum LogError {
         path: PathBuf,
     },
     /// The file cannot be made.
-    #[error("cannot create the log {}: {source}", .path.display())]
+    #[error("cannot create the log {}: {error}", .path.display())]
     Create {
         /// The file.
         path: PathBuf,
         /// What the system said.
-        source: io::Error,
+        error: io::Error,
     },
     /// A full disk, for example. What was written before is readable.
-    #[error("cannot write the log {}: {}", .path.display(), reason(.source))]
+    #[error("cannot write the log {}: {}", .path.display(), reason(.error))]
     Write {
         /// The file.
         path: PathBuf,
         /// What the system or the format said.
-        source: mcap::McapError,
+        error: mcap::McapError,
+    },
+    /// There is no room for more than the end of the log. It was written: nothing is missing in it up to there.
+    #[error("no room is left for the log {}", .path.display())]
+    Full {
+        /// The file.
+        path: PathBuf,
     },
     /// The file cannot be opened or read.
     #[error("cannot read the log {}: {source}", .path.display())]
@@ -120,6 +132,20 @@ pub enum LogError {
     /// The frames cannot be printed.
     #[error("cannot write the frames: {0}")]
     Output(io::Error),
+}
+
+impl LogError {
+    /// Whether there is no more room: on the disk, in the quota, or for one file.
+    #[must_use]
+    pub fn is_full(&self) -> bool {
+        match self {
+            Self::Full { .. } => true,
+            Self::Create { error, .. } | Self::Write { error: mcap::McapError::Io(error), .. } => {
+                file::is_full(error)
+            }
+            _ => false,
+        }
+    }
 }
 
 /// The system's words rather than the format library's "I/O error".

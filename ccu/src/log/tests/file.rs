@@ -44,6 +44,7 @@ fn what_was_written_is_read() {
             lost: 0,
             undecodable: 0,
             bytes: fs::metadata(&path).expect("there").len(),
+            parts: vec![path.clone()],
         }
     );
     let (logged, reader) = read(&path);

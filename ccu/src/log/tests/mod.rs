@@ -6,6 +6,7 @@ mod file;
 mod joints;
 mod order;
 mod recorder;
+mod rotation;
 mod schema;
 mod view;
 
