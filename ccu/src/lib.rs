@@ -8,5 +8,6 @@ pub mod executive;
 pub mod home;
 pub mod log;
 pub mod notices;
+pub mod plot;
 pub mod profile;
 pub mod script;

@@ -18,7 +18,7 @@ use supersigma_protocol::Ticks;
 
 use super::asked::Asked;
 use super::exit::Exit;
-use super::{SetArgs, StartArgs, set, show};
+use super::{SetArgs, StartArgs, set, show, timing};
 use crate::control::{Client, DownReport};
 use crate::daemon::{Daemon, Options};
 use crate::dry::{DryError, DrySet, NoPulses, PulseCsv, PulseWriter};
@@ -49,6 +49,9 @@ pub(super) struct RunArgs {
     /// Write every pulse of a dry run: tick,axis,position
     #[arg(long, value_name = "FILE", requires = "dry_run")]
     pulses: Option<PathBuf>,
+    /// Draw a dry run, movements and digital lines as bars: .svg or .png
+    #[arg(long, value_name = "FILE", requires = "dry_run")]
+    plot: Option<PathBuf>,
     /// One JSON object a movement, print or summary
     #[arg(long)]
     json: bool,
@@ -86,6 +89,7 @@ fn source(args: &RunArgs) -> Result<(String, String), Exit> {
 }
 
 fn dry_run(args: &RunArgs, program: &Program, source: String) -> Result<(), Exit> {
+    args.plot.as_deref().map_or(Ok(()), timing::check_name)?;
     let config = set::start_config(&args.start)?;
     let header = LogHeader {
         set: args.set.name.to_string(),
@@ -126,9 +130,15 @@ fn run_dry<P: PulseWriter + Send + 'static>(
     let executive =
         Arc::into_inner(operator).ok_or_else(|| Exit::could_not(miette!("the dry set is still held")))?;
     let set = executive.into_inner().unwrap_or_else(PoisonError::into_inner).into_link();
+    let timing = set.timing();
     let elapsed = set.elapsed();
     let log = args.start.log.as_ref();
     let (pulses, summary) = set.finish().map_err(|error| dry_error(&error))?;
+    // How far a program came that failed is worth seeing, too.
+    timing::tell(&timing, &knowledge.config, args.json)?;
+    if let Some(path) = &args.plot {
+        timing::draw(&timing, &knowledge.config, program.name(), path)?;
+    }
     result.map_err(|error| Exit::of_program(error, knowledge))?;
     let log = log.zip(summary).map(|(path, summary)| DownReport {
         log: path.clone(),

@@ -9,15 +9,21 @@ use supersigma_protocol::bus::Lane;
 
 use super::file::LogFile;
 use super::header::{CONFIG_NAME, LogHeader, METADATA_NAME, SCRIPT_NAME};
-use super::messages::{ENCODING, SCHEMA_ENCODING, Topic};
 use super::part::PartPlace;
 use super::schema::FRAME_TYPES;
+use super::told::{ENCODING, SCHEMA_ENCODING, Topic};
 
 /// The file that is being written.
 pub(super) type McapFile = mcap::Writer<LogFile>;
 
 /// The topic of the raw frames.
 pub(super) const MICROBUS: &str = "/microbus";
+/// The topic of the commands' twins.
+pub(super) const COMMAND: &str = "/command";
+/// The topic of the digital cards' twins.
+pub(super) const DIGITAL: &str = "/digital/status";
+/// The topic of the events.
+pub(super) const EVENTS: &str = "/events";
 /// The key of a raw channel's metadata that says which of the two services it carries.
 pub(super) const LANE: &str = "lane";
 

@@ -8,8 +8,8 @@ use supersigma_protocol::{Frame, FrameError, Tick, Ticks};
 
 use super::events::Event;
 use super::header::{LogHeader, Timeline, WallTime};
-use super::messages::{Message, Messages, Seen, event_message};
 use super::order::HoldBack;
+use super::told::{Message, Seen, Teller, event_message};
 
 /// The real time for which frames are held back.
 const HOLD_BACK: Duration = Duration::from_millis(20);
@@ -19,7 +19,7 @@ pub struct LiveView {
     order: HoldBack<Held>,
     hold: Ticks,
     timeline: Timeline,
-    messages: Messages,
+    teller: Teller,
 }
 
 enum Held {
@@ -32,7 +32,7 @@ impl LiveView {
     #[must_use]
     pub fn new(header: &LogHeader) -> Self {
         let hold = header.timeline.scale.ticks(HOLD_BACK);
-        Self { order: HoldBack::new(hold), hold, timeline: header.timeline, messages: Messages::new(header) }
+        Self { order: HoldBack::new(hold), hold, timeline: header.timeline, teller: Teller::new(header) }
     }
 
     /// Takes what was on the bus, frame or not.
@@ -56,7 +56,7 @@ impl LiveView {
                 Held::Event(event) => tell(time, &event_message(&event, time)),
                 Held::Frame(bytes, frame) => {
                     let seen = Seen { bytes: &bytes, frame: frame.as_ref(), gap: None, time };
-                    self.messages.of(seen, &mut |message| tell(time, &message));
+                    self.teller.of(seen, &mut |message| tell(time, &message));
                 }
             }
         }

@@ -1,171 +1,288 @@
-//! What viewers are told: the JSON messages that follow from the frames, one after the other. The log's writer and the live
-//! view share this room, so that both say the same. Where messages go, and when, is theirs.
+//! The messages of a log, one chunk in memory at a time: the whole file from its beginning, complete or cut at any
+//! byte, or only chunks that the index names.
+//!
+//! A log whose writer was killed has no summary and may end inside a record. A chunk is only opened when all of it is
+//! there and its checksum holds. The end of the readable part is the end of the messages, and [`Messages::truncated`]
+//! says whether it is the log's end too. What the messages mean is decided in `reader` and `info`.
 
-use supersigma_protocol::{AxisNumber, Body, CardKind, Frame, FrameError, Report, Sequence};
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, BufReader, Read};
+use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
 
-use super::events::{Event, Watch};
-use super::header::{AxisNames, LogHeader, WallTime};
-use super::joints::{JointStates, Joints};
-use super::schema::{joint_states_schema, log_schema, twin, view_schema};
-use super::senders::Gap;
-use super::view::{AnswerView, AxisView, CommandView, DigitalView, FrameView};
+use mcap::records::{Channel, MessageHeader, Record};
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use mcap::{MAGIC, McapError};
 
-/// What the messages on all these topics are.
-pub const ENCODING: &str = "json";
-/// How their schemas are written.
-pub const SCHEMA_ENCODING: &str = "jsonschema";
+use super::LogError;
+use super::channels::MICROBUS;
+use super::header::{CONFIG_NAME, LogHeader, METADATA_NAME, SCRIPT_NAME, WallTime};
+use super::index::{Index, Parts};
+use super::reader::{LONGEST_RECORD, attachment_is_whole};
 
-/// A topic of JSON messages.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Topic {
-    /// The commands.
-    Command,
-    /// The digital cards' answers.
-    Digital,
-    /// What somebody should look at.
-    Events,
-    /// All axes in one message.
-    Joints,
-    /// One axis' answers.
-    Axis(AxisNumber),
+/// A channel, and what is known of it so far.
+#[derive(Debug, Clone)]
+pub(super) struct Listed {
+    pub(super) channel: Channel,
+    /// How many messages of it have been read, or counted by the summary.
+    pub(super) messages: u64,
+    wanted: bool,
 }
 
-impl Topic {
-    /// The topics of a set.
-    pub fn of_set(names: &AxisNames) -> impl Iterator<Item = Self> {
-        let axes = names.iter().map(|(axis, _)| Self::Axis(axis));
-        [Self::Command, Self::Digital, Self::Events, Self::Joints].into_iter().chain(axes)
-    }
-
-    /// Its name.
-    #[must_use]
-    pub fn name(self, names: &AxisNames) -> String {
-        match self {
-            Self::Command => "/command".to_owned(),
-            Self::Digital => "/digital/status".to_owned(),
-            Self::Events => "/events".to_owned(),
-            Self::Joints => "/joint_states".to_owned(),
-            Self::Axis(axis) => format!("/axis/{}/status", names.of(axis)),
-        }
-    }
-
-    /// The name of its schema: those of Foxglove have meaning to viewers.
-    #[must_use]
-    pub const fn schema_name(self) -> &'static str {
-        match self {
-            Self::Command => "supersigma.Command",
-            Self::Digital => "supersigma.DigitalStatus",
-            Self::Events => "foxglove.Log",
-            Self::Joints => "foxglove.JointStates",
-            Self::Axis(_) => "supersigma.AxisStatus",
-        }
-    }
-
-    /// Its schema, a JSON Schema.
-    #[must_use]
-    pub fn schema(self) -> String {
-        let schema = match self {
-            Self::Command => view_schema::<CommandView>(),
-            Self::Digital => view_schema::<AnswerView<DigitalView>>(),
-            Self::Events => log_schema(),
-            Self::Joints => joint_states_schema(),
-            Self::Axis(_) => view_schema::<AnswerView<AxisView>>(),
-        };
-        schema.to_string()
-    }
-}
-
-/// One message.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Message {
-    /// Where it belongs.
-    pub topic: Topic,
-    /// The number that it has by itself: that of its frame.
-    pub number: Option<Sequence>,
-    /// When it holds; `None` is the time of what it follows from.
-    pub time: Option<WallTime>,
-    /// JSON.
-    pub data: Vec<u8>,
-}
-
-/// What was on the bus, in its place in time.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Seen<'a> {
-    /// As it travelled.
-    pub(super) bytes: &'a [u8],
-    /// What that is.
-    pub(super) frame: Result<&'a Frame, &'a FrameError>,
-    /// What is missing before it.
-    pub(super) gap: Option<Gap>,
-    /// When it is written.
-    pub(super) time: WallTime,
-}
-
-/// Makes the messages. Frames must come in the order of the log.
-#[derive(Debug)]
+/// The messages of a file.
 pub(super) struct Messages {
-    names: AxisNames,
-    watch: Watch,
-    joints: Joints,
+    path: PathBuf,
+    input: Box<dyn Read + Send>,
+    format: LinearReader,
+    wanted: fn(&Channel) -> bool,
+    header: Option<LogHeader>,
+    entries: BTreeMap<String, String>,
+    config: String,
+    script: Option<String>,
+    schemas: BTreeMap<u16, String>,
+    channels: BTreeMap<u16, Listed>,
+    /// The log times of the first and the last message.
+    times: Option<(WallTime, WallTime)>,
+    indexed: bool,
+    truncated: bool,
+    ended: bool,
+}
+
+enum Step {
+    /// Of a channel that is wanted.
+    Message(MessageHeader, Vec<u8>),
+    /// Of another one.
+    Unwanted,
+    Other,
+    End,
 }
 
 impl Messages {
-    /// Nothing has been on the bus yet.
-    pub(super) fn new(header: &LogHeader) -> Self {
-        Self { names: header.names.clone(), watch: Watch::default(), joints: Joints::new(header) }
-    }
-
-    /// The messages that follow from a frame go to `tell`.
-    pub(super) fn of(&mut self, seen: Seen<'_>, tell: &mut impl FnMut(Message)) {
-        let Seen { bytes, frame, gap, time } = seen;
-        let names = &self.names;
-        let mut events: Vec<Event> = gap.map(|gap| Event::gap(gap, names)).into_iter().collect();
-        match frame {
-            Ok(frame) => {
-                events.extend(self.watch.events(frame, names));
-                match topic(frame) {
-                    Some(topic) => {
-                        let data = match FrameView::new(bytes, Ok(frame), names) {
-                            FrameView::Command(view) => twin(&view),
-                            FrameView::Answer(view) => twin(&view),
-                            FrameView::Undecodable(view) => twin(&view),
-                        };
-                        tell(Message { topic, number: Some(frame.sequence), time: None, data });
-                    }
-                    None => events.push(Event::stranger(frame)),
-                }
-                if let Body::Answer(answer) = &frame.body {
-                    self.joints.hear(answer).iter().map(joint_states).for_each(&mut *tell);
+    /// Opens a log and reads what stands before its first message. Messages of channels that are not `wanted` are
+    /// only counted.
+    ///
+    /// # Errors
+    /// If the file cannot be read, or is not a log of this program. A log that is cut short is not an error.
+    pub(super) fn open(path: &Path, wanted: fn(&Channel) -> bool) -> Result<Self, LogError> {
+        let read = |source| LogError::Read { path: path.to_owned(), source };
+        let mut file = File::open(path).map_err(read)?;
+        let mut start = Vec::new();
+        file.by_ref().take(MAGIC.len() as u64).read_to_end(&mut start).map_err(read)?;
+        if !MAGIC.starts_with(&start) {
+            return Err(LogError::NotALog {
+                path: path.to_owned(),
+                what: "it does not begin as MCAP files do",
+            });
+        }
+        let short = start.len() < MAGIC.len();
+        let mut messages = Self {
+            path: path.to_owned(),
+            input: Box::new(BufReader::new(file)),
+            format: LinearReader::new_with_options(options()),
+            wanted,
+            header: None,
+            entries: BTreeMap::new(),
+            config: String::new(),
+            script: None,
+            schemas: BTreeMap::new(),
+            channels: BTreeMap::new(),
+            times: None,
+            indexed: false,
+            truncated: short,
+            ended: short,
+        };
+        while messages.header.is_none() && !messages.truncated {
+            match messages.step()? {
+                Step::Other => {}
+                Step::End if messages.truncated => {}
+                Step::End | Step::Message(..) | Step::Unwanted => {
+                    return Err(LogError::NotALog {
+                        path: messages.path,
+                        what: "it is MCAP, but has no metadata record `supersigma`",
+                    });
                 }
             }
-            Err(error) => events.push(Event::undecodable(bytes, error)),
         }
-        events.iter().map(|event| event_message(event, time)).for_each(tell);
+        Ok(messages)
     }
 
-    /// What waits for frames that will not come any more.
-    pub(super) fn rest(&mut self) -> Option<Message> {
-        self.joints.rest().as_ref().map(joint_states)
+    /// Goes on with nothing but the chunks that hold wanted messages within `times`, if the log is complete. The
+    /// summary's counts are then those of [`Messages::channels`]. Returns whether that could be done.
+    ///
+    /// # Errors
+    /// If the file cannot be read.
+    pub(super) fn narrow(&mut self, times: &RangeInclusive<WallTime>) -> Result<bool, LogError> {
+        let read = |source| LogError::Read { path: self.path.clone(), source };
+        let mut file = File::open(&self.path).map_err(read)?;
+        let Some(index) = Index::read(&mut file, self.wanted, times).map_err(read)? else {
+            return Ok(false);
+        };
+        let counts = &index.statistics.channel_message_counts;
+        self.channels = index
+            .channels
+            .into_iter()
+            .map(|(id, channel)| {
+                let messages = counts.get(&id).copied().unwrap_or(0);
+                (id, Listed { wanted: (self.wanted)(&channel), channel, messages })
+            })
+            .collect();
+        self.schemas = index.schemas.into_iter().map(|(id, (schema, _))| (id, schema.name)).collect();
+        let bounds = [index.statistics.message_start_time, index.statistics.message_end_time].map(WallTime);
+        self.times = (index.statistics.message_count > 0).then_some((bounds[0], bounds[1]));
+        self.input = Box::new(BufReader::new(Parts::new(file, index.chunks)));
+        // The end of the last chunk is the end.
+        self.format = LinearReader::new_with_options(options().with_skip_end_magic(true));
+        (self.indexed, self.truncated, self.ended) = (true, false, false);
+        Ok(true)
+    }
+
+    /// What the log says about itself; `None` if it is cut before it says so, and then it holds no messages either.
+    pub(super) const fn header(&self) -> Option<&LogHeader> {
+        self.header.as_ref()
+    }
+
+    /// All entries of the metadata record.
+    pub(super) const fn entries(&self) -> &BTreeMap<String, String> {
+        &self.entries
+    }
+
+    /// The channels by their numbers in the file.
+    pub(super) const fn channels(&self) -> &BTreeMap<u16, Listed> {
+        &self.channels
+    }
+
+    /// The name of a schema.
+    pub(super) fn schema(&self, id: u16) -> Option<&str> {
+        self.schemas.get(&id).map(String::as_str)
+    }
+
+    /// The log times of the first and the last message.
+    pub(super) const fn times(&self) -> Option<(WallTime, WallTime)> {
+        self.times
+    }
+
+    /// Whether the log ends before its footer. Known when the messages have ended.
+    pub(super) const fn truncated(&self) -> bool {
+        self.truncated
+    }
+
+    /// The next message of a wanted channel.
+    ///
+    /// # Errors
+    /// If the log cannot be read or is damaged; there are no messages after that.
+    pub(super) fn next(&mut self) -> Result<Option<(MessageHeader, Vec<u8>)>, LogError> {
+        loop {
+            match self.step()? {
+                Step::Message(header, data) => return Ok(Some((header, data))),
+                Step::Unwanted | Step::Other => {}
+                Step::End => return Ok(None),
+            }
+        }
+    }
+
+    fn step(&mut self) -> Result<Step, LogError> {
+        if self.ended {
+            return Ok(Step::End);
+        }
+        let step = self.next_record();
+        if matches!(step, Ok(Step::End) | Err(_)) {
+            self.ended = true;
+        }
+        step
+    }
+
+    fn next_record(&mut self) -> Result<Step, LogError> {
+        loop {
+            let (opcode, data) = match self.format.next_event() {
+                None => return Ok(Step::End),
+                Some(Ok(LinearReadEvent::ReadRequest(bytes))) => {
+                    match self.input.read(self.format.insert(bytes)) {
+                        Ok(read) => self.format.notify_read(read),
+                        Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                        Err(source) => {
+                            return Err(LogError::Read { path: self.path.clone(), source });
+                        }
+                    }
+                    continue;
+                }
+                // A power cut can leave zeros where the last writes should be; no record has the code 0.
+                Some(Ok(LinearReadEvent::Record { opcode: 0, .. }) | Err(McapError::UnexpectedEof))
+                    if !self.indexed =>
+                {
+                    self.truncated = true;
+                    return Ok(Step::End);
+                }
+                Some(Ok(LinearReadEvent::Record { opcode, data })) => (opcode, data),
+                Some(Err(source)) => return Err(damaged(&self.path, &self.channels, source)),
+            };
+            if opcode == mcap::records::op::ATTACHMENT && !attachment_is_whole(data) {
+                return Err(damaged(&self.path, &self.channels, McapError::UnexpectedEoc));
+            }
+            let record = mcap::parse_record(opcode, data)
+                .map_err(|source| damaged(&self.path, &self.channels, source))?;
+            return Ok(match record {
+                Record::Attachment { header, data, .. } => {
+                    let text = String::from_utf8_lossy(&data).into_owned();
+                    match header.name.as_str() {
+                        CONFIG_NAME => self.config = text,
+                        SCRIPT_NAME => self.script = Some(text),
+                        _ => {}
+                    }
+                    Step::Other
+                }
+                Record::Metadata(metadata) if metadata.name == METADATA_NAME && self.header.is_none() => {
+                    self.header = LogHeader::from_metadata(&metadata.metadata).map(|header| LogHeader {
+                        config: std::mem::take(&mut self.config),
+                        script: self.script.take(),
+                        ..header
+                    });
+                    self.entries = metadata.metadata;
+                    Step::Other
+                }
+                Record::Schema { header, .. } => {
+                    self.schemas.insert(header.id, header.name);
+                    Step::Other
+                }
+                Record::Channel(channel) => {
+                    let wanted = (self.wanted)(&channel);
+                    self.channels.entry(channel.id).or_insert(Listed { channel, messages: 0, wanted });
+                    Step::Other
+                }
+                Record::Message { header, data } => {
+                    let listed = self.channels.get_mut(&header.channel_id);
+                    if !self.indexed {
+                        let time = WallTime(header.log_time);
+                        let (first, last) = self.times.unwrap_or((time, time));
+                        self.times = Some((first.min(time), last.max(time)));
+                    }
+                    match listed {
+                        None => Step::Unwanted,
+                        Some(listed) => {
+                            listed.messages += u64::from(!self.indexed);
+                            if listed.wanted {
+                                Step::Message(header, data.into_owned())
+                            } else {
+                                Step::Unwanted
+                            }
+                        }
+                    }
+                }
+                _ => Step::Other,
+            });
+        }
     }
 }
 
-/// An event as a message.
-pub(super) fn event_message(event: &Event, time: WallTime) -> Message {
-    Message { topic: Topic::Events, number: None, time: None, data: twin(&event.at(time)) }
+/// Only chunks whose checksums hold are opened.
+fn options() -> LinearReaderOptions {
+    LinearReaderOptions::default()
+        .with_skip_start_magic(true)
+        .with_prevalidate_chunk_crcs(true)
+        .with_record_length_limit(LONGEST_RECORD)
 }
 
-fn joint_states(states: &JointStates) -> Message {
-    Message { topic: Topic::Joints, number: None, time: Some(states.time()), data: twin(states) }
-}
-
-/// Where the twin of a frame belongs; `None` for a motor's state under an address that is no axis'.
-fn topic(frame: &Frame) -> Option<Topic> {
-    let Body::Answer(answer) = &frame.body else {
-        return Some(Topic::Command);
-    };
-    match (answer.report, answer.card.kind()) {
-        (Report::Digital(_), _) => Some(Topic::Digital),
-        (Report::Axis(_), CardKind::Axis(axis)) => Some(Topic::Axis(axis)),
-        (Report::Axis(_), _) => None,
-    }
+fn damaged(path: &Path, channels: &BTreeMap<u16, Listed>, source: McapError) -> LogError {
+    let frames = channels.values().filter(|listed| listed.channel.topic == MICROBUS);
+    LogError::Damaged { path: path.to_owned(), frames: frames.map(|listed| listed.messages).sum(), source }
 }

@@ -1,26 +1,32 @@
 //! The log: every frame of the bus in one MCAP file, unchanged, with JSON twins that any MCAP viewer can show.
 //!
 //! ```text
-//!   tap ─► recorder ─► writer ──► set.mcap ──► reader ──► frames (people, --json)
+//!   tap ─► recorder ─► writer ──► set.mcap ──► messages ──► reader ──► frames (people, --json, --csv)
+//!                      │              │           │ index     └ filter
+//!                      │              │           └──► info
+//!                      │              └──► salvage ──► recover ──► a complete log again
 //!                      │ rotation  when the next file begins
 //!                      │ part      one MCAP file; file: the bytes of it that are whole
 //!                      │ senders   gaps in the sequence numbers
 //!                      │ order     one time order out of two services and eight senders
-//!                      │ messages  what viewers are told, in JSON; shared with `live`, the view of a running set
+//!                      │ told      what viewers are told, in JSON; shared with `live`, the view of a running set
 //!                      │ view      frames decoded for JSON
 //!                      │ joints    all axes in one message
 //!                      └ schema    what the channels hold
 //! ```
 //!
 //! Topics: `/microbus` (the bytes as they travelled, one channel for each of the two services), `/command`,
-//! `/axis/<name>/status`, `/digital/status`, `/joint_states` and `/events`. The writer and the reader know no clock and no bus; the
-//! recorder's loop is the only room in here that sleeps. Nothing in here commands, or interprets motion.
+//! `/axis/<name>/status`, `/digital/status`, `/joint_states` and `/events`. The writer and the reader know no clock and
+//! no bus; the recorder's loop is the only room in here that sleeps. Nothing in here commands, or interprets motion.
 
 mod channels;
 mod events;
 mod file;
+mod filter;
 mod frames;
 mod header;
+mod index;
+mod info;
 mod joints;
 mod line;
 mod live;
@@ -29,9 +35,13 @@ mod order;
 mod part;
 mod reader;
 mod recorder;
+mod recover;
 mod rotation;
+mod salvage;
 mod schema;
 mod senders;
+mod table;
+mod told;
 mod view;
 mod writer;
 
@@ -44,15 +54,18 @@ use std::path::PathBuf;
 use supersigma_protocol::bus::BusError;
 
 pub use events::{Event, Level};
-pub use frames::{FramesCount, frames};
+pub use filter::{Filter, Judge, operation};
+pub use frames::{Form, FramesAsked, FramesCount, frames};
 pub use header::{AxisNames, LogHeader, Timeline, WallTime};
+pub use info::{AlarmInfo, ChannelInfo, FramesInfo, GapInfo, LogInfo, LogState, info};
 pub use line::Lines;
 pub use live::LiveView;
-pub use messages::{ENCODING, Message, SCHEMA_ENCODING, Topic};
 pub use reader::{LogReader, LoggedFrame};
 pub use recorder::{RecorderStatus, run};
+pub use recover::{Lost, Recovery, recover};
 pub use rotation::Rotation;
 pub use senders::Gap;
+pub use told::{ENCODING, Message, SCHEMA_ENCODING, Topic};
 pub use view::{
     AboutView, AlarmView, AnswerView, AxisView, CommandView, DigitalView, FrameView, RefusalView, ReportView,
     UndecodableView,
@@ -125,6 +138,28 @@ pub enum LogError {
         name: String,
         /// What there is.
         known: String,
+    },
+    /// No operation is called so.
+    #[error("there is no operation `{name}`: {known}")]
+    NoSuchOperation {
+        /// What was asked for.
+        name: String,
+        /// What there is.
+        known: String,
+    },
+    /// The log ends before it says whose it is.
+    #[error("the log {} ends before its first frame: there is nothing to recover", .path.display())]
+    NothingIn {
+        /// The file.
+        path: PathBuf,
+    },
+    /// What was recovered, read again, is not what was written. The file has been removed.
+    #[error("{} was not written as it should be: {what}; nothing was kept of it", .path.display())]
+    NotAsWritten {
+        /// The file.
+        path: PathBuf,
+        /// How it differs.
+        what: &'static str,
     },
     /// The bus failed while it was recorded; the log is complete up to then.
     #[error("recording ended early: {0}")]

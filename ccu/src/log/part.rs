@@ -13,7 +13,7 @@ use super::LogError;
 use super::channels::{Channels, McapFile, write_preamble};
 use super::file::{Ledger, LogFile};
 use super::header::{LogHeader, METADATA_NAME, WallTime};
-use super::messages::Topic;
+use super::told::Topic;
 
 /// Where a file stands in its log.
 #[derive(Debug, Clone, PartialEq, Eq)]

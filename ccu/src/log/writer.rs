@@ -19,11 +19,11 @@ use supersigma_protocol::{About, Body, Frame, FrameError, Sender, Sequence, Tick
 use super::LogError;
 use super::events::Event;
 use super::header::{LogHeader, Timeline, WallTime};
-use super::messages::{Message, Messages, Seen, event_message};
 use super::order::HoldBack;
 use super::part::{Part, PartPlace};
 use super::rotation::{Rotation, part_path};
 use super::senders::{Gap, Senders};
+use super::told::{Message, Seen, Teller, event_message};
 
 /// The real time for which frames are held back, if `flush` leaves room for it.
 const HOLD_BACK: Duration = Duration::from_millis(20);
@@ -76,7 +76,7 @@ pub struct LogWriter {
     /// Frames since the last flush.
     unflushed: u32,
     last_time: WallTime,
-    messages: Messages,
+    teller: Teller,
     /// Events of the daemon that are held back, with their places in time.
     notices: VecDeque<(Tick, Event)>,
     counts: LogSummary,
@@ -98,6 +98,22 @@ struct Noted {
     recorded: Tick,
 }
 
+impl LogSummary {
+    /// What is in this and in what follows it.
+    #[must_use]
+    pub fn and(mut self, next: Self) -> Self {
+        self.frames += next.frames;
+        self.commands += next.commands;
+        self.answers += next.answers;
+        self.gaps += next.gaps;
+        self.lost += next.lost;
+        self.undecodable += next.undecodable;
+        self.bytes += next.bytes;
+        self.parts.extend(next.parts);
+        self
+    }
+}
+
 impl LogWriter {
     /// Begins a log. Header, attachments and channels are on disk when this returns. `flush` is the real time within
     /// which a recorded frame is readable on disk, for callers who come by every [`LogWriter::poll`].
@@ -105,25 +121,35 @@ impl LogWriter {
     /// # Errors
     /// If the file exists, or cannot be made or written; then nothing is left of it.
     pub fn create(path: &Path, header: LogHeader, flush: Duration) -> Result<Self, LogError> {
-        let first = PartPlace { number: 1, previous: None };
-        let part = Part::create(path, &header, &first, Tick(0))?;
+        Self::resume(path, 1, header, flush)
+    }
+
+    /// The same from this part on, of a log whose earlier parts, from 1, somebody else has written.
+    ///
+    /// # Errors
+    /// As for [`LogWriter::create`].
+    pub fn resume(path: &Path, part: u32, header: LogHeader, flush: Duration) -> Result<Self, LogError> {
+        let number = part.max(1);
+        let file = part_path(path, number);
+        let before = (number > 1).then(|| part_path(path, number - 1));
+        let previous = before.and_then(|file| Some(file.file_name()?.to_string_lossy().into_owned()));
+        let part = Part::create(&file, &header, &PartPlace { number, previous }, Tick(0))?;
         let Timeline { epoch, scale } = header.timeline;
         // The hold-back, its allowance for clocks that disagree, and a caller's poll together must fit into `flush`.
         let quarter = flush / 4;
         let hold = scale.ticks(HOLD_BACK.min(quarter));
-        let counts =
-            LogSummary { parts: vec![path.to_owned()], bytes: part.bytes(), ..LogSummary::default() };
+        let counts = LogSummary { parts: vec![file], bytes: part.bytes(), ..LogSummary::default() };
         Ok(Self {
             path: path.to_owned(),
             part,
-            number: 1,
+            number,
             rotation: Rotation::default(),
             settling: None,
             order: HoldBack::new(hold),
             hold,
             flush_age: scale.ticks(quarter * 3),
             poll: POLL.min(quarter).max(Duration::from_millis(1)),
-            messages: Messages::new(&header),
+            teller: Teller::new(&header),
             header,
             senders: Senders::default(),
             held_commands: VecDeque::new(),
@@ -240,7 +266,7 @@ impl LogWriter {
             self.write(at, &noted)?;
         }
         self.write_notices(Tick(u64::MAX))?;
-        if let Some(message) = self.messages.rest() {
+        if let Some(message) = self.teller.rest() {
             self.tell(&message, self.last_time, self.last_time)?;
         }
         let Self { part, settling, mut counts, earlier_bytes, .. } = self;
@@ -339,7 +365,7 @@ impl LogWriter {
         self.part.put(self.part.channels().microbus(*lane), None, time, published, bytes)?;
         let mut told = Vec::new();
         let seen = Seen { bytes, frame: frame.as_ref(), gap: *gap, time };
-        self.messages.of(seen, &mut |message| told.push(message));
+        self.teller.of(seen, &mut |message| told.push(message));
         told.into_iter().try_for_each(|message| self.tell(&message, time, published))
     }
 
