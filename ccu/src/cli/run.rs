@@ -180,12 +180,14 @@ fn on_a_set_that_is_up(args: &RunArgs, program: &Program) -> Result<(), Exit> {
     if start.config.is_some()
         || start.log.is_some()
         || start.log_rotate.is_some()
+        || start.foxglove.is_some()
         || start.time_scale != axis_worker::clock::TimeScale::REAL
     {
         let name = &args.set.name;
         return Err(Exit::wrong(miette!(
             help = format!("leave these options out, or take the set down first: `ccu down --name {name}`"),
-            "set {name} is up already; --config, --log, --log-rotate and --time-scale are for a set that is started"
+            "set {name} is up already; --config, --log, --log-rotate, --foxglove and --time-scale are for a set that is \
+             started"
         )));
     }
     let asked = Asked::connect(&args.set)?;
@@ -226,7 +228,8 @@ fn on_a_set_of_its_own(args: &RunArgs, home: &Home, program: &Program, source: S
     failure.map_or(Ok(()), Err).map_err(failed)?;
     let log = set::log_path(args.start.log.as_ref(), &args.set.name)?;
     let scale = args.start.time_scale;
-    let options = Options { home: home.clone(), config, scale, log, script: Some(source) };
+    let foxglove = args.start.foxglove;
+    let options = Options { home: home.clone(), config, scale, log, script: Some(source), foxglove };
     let stop = Arc::new(AtomicBool::new(false));
     set::runtime()?.block_on(async {
         let asked_to_end = set::asked_to_end()?;
@@ -236,6 +239,7 @@ fn on_a_set_of_its_own(args: &RunArgs, home: &Home, program: &Program, source: S
             let took = began_to_start.elapsed().as_secs_f64();
             let (name, workers) = (home.name(), daemon.workers());
             let _ = writeln!(io::stderr(), "set {name} is up in {took:.2} s: {workers} cards");
+            let _ = set::say_view(daemon.foxglove(), &mut io::stderr());
         }
         let began = Instant::now();
         let teller = Teller::new(args.json, &knowledge).with_progress(expected, scale.get());

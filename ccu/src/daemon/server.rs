@@ -19,8 +19,9 @@ use tokio::task;
 use tokio::time::MissedTickBehavior;
 
 use super::exchange::{Exchange, LiveLink};
+use super::telling::telling;
 use crate::control::{Description, DownReport, FromDaemon, Overheard, ToDaemon};
-use crate::executive::{Executive, Failure, Operate, Outcome, Request};
+use crate::executive::{Executive, Failure, Link, Operate, Outcome, Request};
 
 /// Of a longer line only so much is read; the rest then makes no sense and is answered so.
 const LONGEST_LINE: u64 = 64 * 1024;
@@ -182,7 +183,18 @@ fn carry_out(
     how: impl FnOnce(&mut Executive<LiveLink>, Request) -> Result<Outcome, Failure>,
 ) -> (Executive<LiveLink>, FromDaemon) {
     let caught_up = executive.catch_up();
-    let answer = match caught_up.and_then(|()| how(&mut executive, request)) {
+    let watched = !request.is_unwatched() && !matches!(request, Request::Begin { .. });
+    let what = telling(&request, executive.link().knowledge());
+    if let Some(what) = &what {
+        tracing::info!("{what}: begun");
+    }
+    let result = caught_up.and_then(|()| how(&mut executive, request));
+    match (&what, &result) {
+        (Some(what), Ok(_)) if watched => tracing::info!("{what}: done"),
+        (Some(what), Err(failure)) => tracing::info!("{what}: {failure}"),
+        _ => {}
+    }
+    let answer = match result {
         Ok(outcome) => FromDaemon::Done(outcome),
         Err(failure) => FromDaemon::Failed(failure),
     };
