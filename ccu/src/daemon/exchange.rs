@@ -340,11 +340,6 @@ pub(super) struct LiveLink {
 }
 
 impl LiveLink {
-    /// Forgets what was heard before a new request.
-    pub(super) fn forget(&self) {
-        while self.heard.try_recv().is_ok() {}
-    }
-
     /// Moves need a log and living cards; stopping and asking do not.
     fn check(&self, broadcast: &Broadcast) -> Result<(), Failure> {
         let Ok(command) = Command::decode(broadcast.bytes.as_slice()) else {
