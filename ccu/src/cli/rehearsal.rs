@@ -50,9 +50,9 @@ pub(super) fn rehearse(
     let result = program.run(Arc::clone(&operator), Arc::clone(knowledge), count, &limits);
     let _ = over.send(());
     let _ = timer.join();
-    let executive =
-        Arc::into_inner(operator).map(|held| held.into_inner().unwrap_or_else(PoisonError::into_inner));
-    let expected = executive.filter(|_| result.is_ok()).map(|executive| Expected {
+    let set = Arc::into_inner(operator)
+        .map(|executive| executive.into_inner().unwrap_or_else(PoisonError::into_inner));
+    let expected = set.filter(|_| result.is_ok()).map(|executive| Expected {
         movements: movements.load(Ordering::Relaxed),
         time: executive.into_link().elapsed(),
     });

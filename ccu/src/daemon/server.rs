@@ -106,8 +106,9 @@ async fn attend(stream: UnixStream, desk: Arc<Desk>) -> io::Result<()> {
                 answer
             }
             Ok(ToDaemon::Describe) => {
-                // One who only looks never asks the executive, which would keep all that it hears.
-                executive.link().forget();
+                // One who only looks never asks the executive, which would keep all that it hears. What goes wrong with
+                // movements is told to whoever waits for them.
+                let _ = executive.catch_up();
                 FromDaemon::Description(Box::new((desk.describe)()))
             }
             Ok(ToDaemon::Watch) => {
