@@ -8,4 +8,5 @@ pub mod executive;
 pub mod home;
 pub mod log;
 pub mod profile;
+pub mod replay;
 pub mod script;

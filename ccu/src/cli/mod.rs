@@ -7,6 +7,7 @@ mod config;
 mod exit;
 mod panel;
 mod profile;
+mod replay;
 mod run;
 mod set;
 mod show;
@@ -138,6 +139,17 @@ Examples:
     /// Show the frames of a log
     #[command(after_help = "Examples:\n  ccu frames run.mcap\n  ccu frames run.mcap --axis left_x --json")]
     Frames(FramesArgs),
+    /// Show a log as it happened, verify it on fresh machines, or put its commands on a live bus again
+    #[command(after_help = "\
+Examples:
+  ccu replay run.mcap --verify                     every answer again, byte for byte
+  ccu replay run.mcap                              the frames at the machine's pace
+  ccu replay run.mcap --watch --speed 5 --from 60  the axes' table, five times as fast, from second 60 on
+  ccu replay run.mcap --bus                        the same movements again, on a set started for it
+  ccu replay run.mcap --bus --name cell-2          the same on a set that is up
+
+Exit codes of --verify: 0 identical, 1 a difference, or something that cannot be verified, 2 no such log.")]
+    Replay(replay::ReplayArgs),
     /// The ramp table of an axis, or the pulses of one movement
     #[command(after_help = "\
 Examples:
@@ -222,6 +234,7 @@ impl Command {
             Self::Word(args) => word::word(&args),
             Self::Inject(args) => panel::inject(&args),
             Self::Frames(args) => frames(&args),
+            Self::Replay(args) => replay::replay(&args),
             Self::Profile(args) => profile::profile(&args),
             Self::Config(command) => config::config(&command),
             Self::AxisWorker(args) => worker::run(&args).into_diagnostic().map_err(Exit::could_not),

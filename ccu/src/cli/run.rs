@@ -87,6 +87,7 @@ fn source(args: &RunArgs) -> Result<(String, String), Exit> {
 fn dry_run(args: &RunArgs, program: &Program, source: String) -> Result<(), Exit> {
     let config = config::load(args.start.config.as_deref())?;
     let header = LogHeader {
+        version: LogHeader::VERSION.to_owned(),
         set: args.set.name.to_string(),
         names: AxisNames::from(&config),
         timeline: Timeline { epoch: WallTime::now(), scale: args.start.time_scale },

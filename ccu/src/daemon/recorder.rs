@@ -62,7 +62,14 @@ pub fn record(args: &RecorderArgs) -> miette::Result<()> {
     let script = script.into_diagnostic().wrap_err("cannot read the set's program")?;
     let timeline = Timeline { epoch: WallTime(args.wall_epoch), scale: args.time_scale };
     let header =
-        LogHeader { set: args.set.clone(), names: AxisNames::from(&config), timeline, config: text, script };
+        LogHeader {
+            version: LogHeader::VERSION.to_owned(),
+            set: args.set.clone(),
+            names: AxisNames::from(&config),
+            timeline,
+            config: text,
+            script,
+        };
     let flush = Duration::from_millis(config.log.flush_ms.into());
     let writer = LogWriter::create(&args.log, header, flush).into_diagnostic()?;
     let bus = SharedBus::join(&Place::new(&args.runtime).into_diagnostic()?).into_diagnostic()?;

@@ -19,6 +19,8 @@ pub(super) type McapFile = mcap::Writer<BufWriter<File>>;
 
 /// The topic of the raw frames.
 pub(super) const MICROBUS: &str = "/microbus";
+/// The topic of the events.
+pub(super) const EVENTS: &str = "/events";
 /// The key of a raw channel's metadata that says which of the two services it carries.
 pub(super) const LANE: &str = "lane";
 
@@ -85,7 +87,7 @@ impl Channels {
             axes: [None; AxisNumber::COUNT],
             axis_schema,
             digital: mcap.add_channel(digital_schema, "/digital/status", "json", &nothing)?,
-            events: mcap.add_channel(event_schema, "/events", "json", &nothing)?,
+            events: mcap.add_channel(event_schema, EVENTS, "json", &nothing)?,
             written: BTreeMap::new(),
         };
         for (axis, _) in header.names.iter() {

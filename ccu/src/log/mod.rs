@@ -22,6 +22,7 @@ mod reader;
 mod recorder;
 mod schema;
 mod senders;
+mod twins;
 mod view;
 mod writer;
 
@@ -39,6 +40,7 @@ pub use line::Lines;
 pub use reader::{LogReader, LoggedFrame};
 pub use recorder::run;
 pub use senders::Gap;
+pub use twins::{TwinReader, Twinned, twin_of};
 pub use view::{
     AboutView, AlarmView, AnswerView, AxisView, CommandView, DigitalView, FrameView, RefusalView, ReportView,
     UndecodableView,

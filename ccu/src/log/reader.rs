@@ -4,7 +4,7 @@
 //! and never through its index; a chunk is only opened when all of it is there and its checksum holds. The end of
 //! the readable part is the end of the iteration, and [`LogReader::truncated`] says whether it is the log's end too.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ use supersigma_protocol::bus::Lane;
 use supersigma_protocol::{Frame, FrameError};
 
 use super::LogError;
-use super::channels::{LANE, MICROBUS, lane_name};
+use super::channels::{EVENTS, LANE, MICROBUS, lane_name};
 use super::header::{CONFIG_NAME, LogHeader, METADATA_NAME, SCRIPT_NAME, WallTime};
 
 /// No record, and no chunk, of a log comes near this; a longer one is damage.
@@ -43,14 +43,19 @@ pub struct LogReader {
     config: String,
     script: Option<String>,
     lanes: HashMap<u16, Lane>,
+    /// The channels of the twins, for whoever wants them.
+    twins: HashSet<u16>,
+    with_twins: bool,
     frames: u64,
     truncated: bool,
     ended: bool,
 }
 
 /// What one record meant.
-enum Step {
+pub(super) enum Step {
     Frame(LoggedFrame),
+    /// The JSON twin of a frame, if twins are wanted.
+    Twin(Vec<u8>),
     /// A message of another channel, or of another program.
     Message,
     Other,
@@ -86,6 +91,8 @@ impl LogReader {
             config: String::new(),
             script: None,
             lanes: HashMap::new(),
+            twins: HashSet::new(),
+            with_twins: false,
             frames: 0,
             truncated: short,
             ended: short,
@@ -94,7 +101,7 @@ impl LogReader {
             match reader.step()? {
                 Step::Other => {}
                 Step::End if reader.truncated => {}
-                Step::End | Step::Frame(_) | Step::Message => {
+                Step::End | Step::Frame(_) | Step::Twin(_) | Step::Message => {
                     return Err(LogError::NotALog {
                         path: reader.path,
                         what: "it is MCAP, but has no metadata record `supersigma`",
@@ -117,12 +124,17 @@ impl LogReader {
         self.truncated
     }
 
-    fn step(&mut self) -> Result<Step, LogError> {
+    /// The same reader, whose steps tell the twins too.
+    pub(super) fn with_twins(self) -> Self {
+        Self { with_twins: true, ..self }
+    }
+
+    pub(super) fn step(&mut self) -> Result<Step, LogError> {
         if self.ended {
             return Ok(Step::End);
         }
         let step = self.next_record();
-        if !matches!(step, Ok(Step::Frame(_) | Step::Message | Step::Other)) {
+        if matches!(step, Ok(Step::End) | Err(_)) {
             self.ended = true;
         }
         step
@@ -185,6 +197,8 @@ impl LogReader {
                             channel.metadata.get(LANE).map(String::as_str) == Some(lane_name(lane))
                         });
                         self.lanes.extend(lane.map(|lane| (channel.id, lane)));
+                    } else if channel.topic != EVENTS {
+                        self.twins.insert(channel.id);
                     }
                     Step::Other
                 }
@@ -197,6 +211,9 @@ impl LogReader {
                             frame: Frame::decode(&data),
                             bytes: data.into_owned(),
                         })
+                    }
+                    None if self.with_twins && self.twins.contains(&header.channel_id) => {
+                        Step::Twin(data.into_owned())
                     }
                     None => Step::Message,
                 },
@@ -213,7 +230,7 @@ impl Iterator for LogReader {
         loop {
             match self.step() {
                 Ok(Step::Frame(frame)) => return Some(Ok(frame)),
-                Ok(Step::Message | Step::Other) => {}
+                Ok(Step::Twin(_) | Step::Message | Step::Other) => {}
                 Ok(Step::End) => return None,
                 Err(error) => return Some(Err(error)),
             }
