@@ -13,7 +13,7 @@ use axis_worker::{AxisError, Card, Sink};
 use supersigma_protocol::bus::in_process::{InProcessBus, InProcessReceive, InProcessTap, InProcessTransmit};
 use supersigma_protocol::bus::{Bus, BusError, Receive, Tap, Transmit, Wake};
 use supersigma_protocol::{
-    About, Answer, AxisNumber, Body, Broadcast, Fault, Frame, Occasion, Position, Sender, Sequence, Tick,
+    About, Activity, Answer, AxisNumber, Body, Broadcast, Fault, Frame, Occasion, Position, Sender, Sequence, Tick,
     Ticks,
 };
 
@@ -288,6 +288,11 @@ impl<P: PulseWriter> Link for DrySet<P> {
 
     fn common(&self) -> Arc<Common> {
         Arc::clone(&self.common)
+    }
+
+    fn activity(&self, axis: AxisNumber) -> Option<Activity> {
+        let mut axes = self.cards.iter().filter_map(|seat| seat.card.as_axis());
+        axes.find(|one| one.number() == axis).map(axis_worker::Axis::activity)
     }
 
     /// Nobody else is there.

@@ -82,6 +82,15 @@ pub enum Failure {
         /// What was tried, in order.
         tried: String,
     },
+    /// In a replay, an axis still moves that stood in the record.
+    #[error("{axis} still moves {milliseconds} ms after the moment at which it stood in the record")]
+    #[diagnostic(help("the set does not do what the recorded one did; compare the two logs with `ccu frames`"))]
+    NotAsRecorded {
+        /// The axis.
+        axis: AxisNumber,
+        /// How long it was given, in real time.
+        milliseconds: u32,
+    },
     /// A line could not be started on all axes in time.
     #[error("the line was not started: {axis} did not confirm the start in time; nobody moved")]
     #[diagnostic(help("raise `line.lead_ms`"))]

@@ -2,6 +2,7 @@
 //! when each movement is due, and judges by the sense points whether it has come true. It moves nothing itself and
 //! reads no clock but its [`Link`]'s; a live set and a dry run are driven by this very code.
 
+mod again;
 mod failure;
 mod halted;
 mod link;
@@ -19,6 +20,7 @@ use supersigma_protocol::{
     Fault, Operation, Refusal, Report, Sequence, SpeedIndex, Tick, Ticks,
 };
 
+pub use again::{Again, Sent, Shift};
 pub use failure::Failure;
 pub use link::{Common, Heard, Knowledge, Link};
 pub use request::{
@@ -104,6 +106,7 @@ impl<L: Link> Executive<L> {
             Request::Digital { card } => self.digital(*card, Operation::Status).map(Outcome::Digital),
             Request::Inject { axis, fault } => self.inject(*axis, *fault),
             Request::Wait { ticks } => self.wait(*ticks),
+            Request::Replay { frames, shift, known } => self.again(frames, *shift, known),
             Request::Send { bytes } => self.raw(bytes.clone()),
         }
     }

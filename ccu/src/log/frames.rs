@@ -80,7 +80,9 @@ fn find(path: &Path, names: &AxisNames, name: &str) -> Result<AxisNumber, LogErr
     })
 }
 
-fn concerns(frame: &Frame, axis: AxisNumber) -> bool {
+/// Whether a frame is of this axis, or for it.
+#[must_use]
+pub fn concerns(frame: &Frame, axis: AxisNumber) -> bool {
     match &frame.body {
         Body::Command(command) => command
             .bytes

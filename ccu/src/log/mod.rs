@@ -34,7 +34,7 @@ use std::path::PathBuf;
 
 use supersigma_protocol::bus::BusError;
 
-pub use frames::{FramesCount, frames};
+pub use frames::{FramesCount, concerns, frames};
 pub use header::{AxisNames, LogHeader, Timeline, WallTime};
 pub use line::Lines;
 pub use reader::{LogReader, LoggedFrame};

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use supersigma_config::Config;
-use supersigma_protocol::{Address, AxisNumber, Body, CardKind, Frame, Sequence};
+use supersigma_protocol::{Address, AxisNumber, Body, CardKind, Frame, Sequence, Tick};
 
 /// The CCU's frames.
 #[derive(Debug)]
@@ -57,9 +57,9 @@ impl Commands {
         self.kept.remove(&sequence).map(|kept| kept.frame)
     }
 
-    /// Whether the frame with this number is here.
-    pub(super) fn has(&self, sequence: Sequence) -> bool {
-        self.kept.contains_key(&sequence)
+    /// When the frame with this number was sent, if it is here.
+    pub(super) fn sent(&self, sequence: Sequence) -> Option<Tick> {
+        self.kept.get(&sequence).map(|kept| kept.frame.tick)
     }
 
     /// Whether the frame with this number may still come.

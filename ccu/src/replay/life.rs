@@ -17,10 +17,13 @@
 use std::collections::VecDeque;
 
 use axis_worker::{Card, Sink};
-use supersigma_protocol::{About, Address, Answer, Occasion, Sequence, Tick};
+use supersigma_protocol::{About, Address, Answer, Occasion, Sequence, Tick, Ticks};
 
 use super::commands::Commands;
 use super::{Difference, DifferenceKind, Unverifiable, Verification, Why, frame_of};
+
+/// A machine that moves is looked at so often.
+const SLICE: Ticks = Ticks(Tick::PER_SECOND);
 
 /// An answer that waits to be compared.
 #[derive(Debug)]
@@ -87,6 +90,8 @@ pub(super) struct Life {
     held: VecDeque<Held>,
     /// So many of those held, from the first one on, are the machine's own.
     own: usize,
+    /// The last stimulus was that frames are missing.
+    missed: bool,
     said: Said,
 }
 
@@ -101,6 +106,7 @@ impl Life {
             taken: Sequence(0),
             held: VecDeque::new(),
             own: 0,
+            missed: false,
             said: Said::default(),
         }
     }
@@ -143,19 +149,32 @@ impl Life {
             self.own += self.held.iter().skip(self.own).take_while(|held| !held.is_bound()).count();
             let Some(bound) = self.held.get(self.own) else { return Ok(()) };
             let Answer { about, acted_at, .. } = bound.answer;
-            if let About::Command(sequence, _) = about
-                && !commands.has(sequence)
-            {
-                if !over && commands.may_come(sequence) {
-                    return Ok(());
+            if let About::Command(sequence, _) = about {
+                match commands.sent(sequence) {
+                    Some(sent) if sent <= acted_at => {}
+                    Some(sent) => {
+                        let Some(bound) = self.held.remove(self.own) else { return Ok(()) };
+                        return Err(bound.different(self.address, DifferenceKind::ActedTooSoon(sent)));
+                    }
+                    None if !over && commands.may_come(sequence) => return Ok(()),
+                    None => {
+                        let why = Why::NoCommand(sequence);
+                        return Err(Halt::Unverifiable(bound.unverifiable(self.address, why)));
+                    }
                 }
-                return Err(Halt::Unverifiable(bound.unverifiable(self.address, Why::NoCommand(sequence))));
             }
-            self.card.advance(acted_at, &mut self.said);
+            // The frame that shows that others are missing is taken at once.
+            let at_once = std::mem::take(&mut self.missed) && acted_at == self.card.now();
+            let there = at_once || self.bring_to(acted_at, self.own);
             match about {
+                // The machine has said too much already, which shows below.
+                _ if !there => {}
                 About::Command(sequence, _) => self.obey(sequence, commands),
                 About::Unasked(Occasion::Orphaned) => self.card.orphan(&mut self.said),
-                About::Unasked(Occasion::Missed(frames)) => self.card.miss(frames, &mut self.said),
+                About::Unasked(Occasion::Missed(frames)) => {
+                    self.card.miss(frames, &mut self.said);
+                    self.missed = true;
+                }
                 About::Unasked(occasion) => {
                     let answer = self.card.speak(occasion);
                     self.said.answer(answer);
@@ -173,7 +192,7 @@ impl Life {
     pub(super) fn run_out(&mut self, commands: &mut Commands, found: &mut Verification) -> Result<(), Halt> {
         self.run(commands, found, true)?;
         let Some(last) = self.held.back() else { return Ok(()) };
-        self.card.advance(last.answer.acted_at, &mut self.said);
+        self.bring_to(last.answer.acted_at, self.held.len());
         if self.said.0.len() < self.held.len()
             && let Some(fault) = commands.fault(self.address, self.taken)
         {
@@ -187,6 +206,22 @@ impl Life {
             self.compare(found)?;
         }
         Ok(())
+    }
+
+    /// Lets the machine's time pass, unless it says more than `most` by then: a tick that was changed in the log may lie
+    /// years ahead. Returns whether it is there.
+    fn bring_to(&mut self, to: Tick, most: usize) -> bool {
+        loop {
+            // Also when it is there already: what falls due with what it was told last is then done.
+            let next = if self.card.next_event().is_some() { to.min(self.card.now() + SLICE) } else { to };
+            self.card.advance(next, &mut self.said);
+            if self.card.now() >= to {
+                return true;
+            }
+            if self.said.0.len() > most {
+                return false;
+            }
+        }
     }
 
     fn obey(&mut self, sequence: Sequence, commands: &mut Commands) {

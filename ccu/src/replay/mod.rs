@@ -117,6 +117,9 @@ pub enum DifferenceKind {
     /// The frames of one sender are in the order of their ticks.
     #[error("it was sent before the one that its sender sent before it ({0})")]
     SentBackwards(Tick),
+    /// A card acts when the command has been sent.
+    #[error("the card acted before the command was sent that it answers ({0})")]
+    ActedTooSoon(Tick),
     /// A card's time does not run backwards.
     #[error("the card acted before it did what it has told already ({0})")]
     ActedBackwards(Tick),

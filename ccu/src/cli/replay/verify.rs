@@ -185,6 +185,7 @@ impl Told<'_> {
             | DifferenceKind::NoTwin
             | DifferenceKind::SentBeforeActing
             | DifferenceKind::SentBackwards(_)
+            | DifferenceKind::ActedTooSoon(_)
             | DifferenceKind::ActedBackwards(_) => (recorded, Value::Null),
         }
     }
