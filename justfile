@@ -27,3 +27,11 @@ demo:
 # Build the book from docs/ into docs/book; needs mdBook (`cargo install mdbook`)
 docs:
     mdbook build docs
+
+# Draw the book's pictures anew; a test says when they are stale
+pictures:
+    cargo run --release -p supersigma-ccu --example pictures -- --out docs/src/generated
+
+# Write the manual pages of all commands to target/man
+man:
+    cargo run --release -- man target/man

@@ -89,9 +89,21 @@ impl Axis {
         self.firmware.wake_at().into_iter().chain(change).min()
     }
 
+    /// The next tick at which it may have something to say by itself: all that happens before goes unnoticed.
+    #[must_use]
+    pub fn next_news(&self) -> Option<Tick> {
+        if self.mechanism().has_rotor() {
+            return self.next_event();
+        }
+        self.firmware.next_news(&self.board)
+    }
+
     /// Lets time pass up to and including `to`.
-    pub fn advance(&mut self, to: Tick, sink: &mut impl Sink) {
+    pub fn advance<S: Sink>(&mut self, to: Tick, sink: &mut S) {
         loop {
+            if !S::PULSES && !self.mechanism().has_rotor() {
+                self.firmware.leap(to, &mut self.board);
+            }
             let wake = self.firmware.wake_at().filter(|wake| *wake <= to);
             if self.board.run(wake.unwrap_or(to), sink) {
                 self.firmware.sense(&mut self.board, sink);

@@ -1,7 +1,7 @@
 //! The card's hardware as the firmware sees it: the 8253, the two wires to the motor (pulses and sense of rotation),
 //! the detectors, and the time. It obeys; it decides nothing.
 
-use std::num::NonZeroU64;
+use std::num::{NonZeroU32, NonZeroU64};
 
 use supersigma_protocol::{Answer, Count, Direction, Position, Tick, Ticks};
 
@@ -10,7 +10,8 @@ use crate::pit8253::{CounterId, Mode, Pit8253};
 
 /// Where everything goes that an axis brings forth.
 pub trait Sink {
-    /// Whether [`Sink::pulse`] is wanted: it costs a call per pulse.
+    /// Whether every pulse and every count is wanted: then each is visited. If not, [`Sink::pulse`] and [`Sink::load`] are
+    /// called for some of them, or none.
     const PULSES: bool = false;
 
     /// The card says something on the bus.
@@ -164,6 +165,20 @@ impl Board {
                 return true;
             }
         }
+    }
+
+    /// Goes to `to` at once: since the last tick OUT0 has fallen `steps` times, counter 0 has `left` ticks to a reload, and
+    /// `next` is in its count register. Only while the gate is open, on a mechanism without a rotor, and if no detector
+    /// changes on the way.
+    pub(crate) fn leap(&mut self, to: Tick, steps: u32, left: NonZeroU32, next: Count) {
+        self.pit.leap_card(steps.into(), left, next);
+        self.now = to;
+        self.mechanism.step(self.direction, steps, to);
+    }
+
+    /// The steps to the next change of a detector, in the direction of the sense wire.
+    pub(crate) fn steps_to_change(&self) -> Option<u32> {
+        self.mechanism.steps_to_change(self.direction)
     }
 
     /// When a detector changes, if the chip goes on as it does now; with a rotor, when it is looked at next.

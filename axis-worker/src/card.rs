@@ -99,6 +99,20 @@ impl Card {
         }
     }
 
+    /// The next tick at which it may have something to say by itself; all that happens before goes unnoticed. It may turn
+    /// out that it has nothing to say then.
+    #[must_use]
+    pub fn next_news(&self) -> Option<Tick> {
+        match &self.kind {
+            Kind::Axis(axis) => {
+                let news = axis.next_news()?;
+                let sample = self.next_sample().filter(|_| axis.is_under_way());
+                Some(sample.map_or(news, |sample| news.min(sample)))
+            }
+            Kind::Digital(digital) => digital.next_event(),
+        }
+    }
+
     /// Lets time pass up to and including `to`.
     pub fn advance(&mut self, to: Tick, sink: &mut impl Sink) {
         while let Some(sample) = self.next_sample().filter(|sample| *sample <= to) {

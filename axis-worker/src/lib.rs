@@ -11,6 +11,7 @@ pub mod clock;
 mod digital;
 #[deny(clippy::float_arithmetic)]
 pub mod firmware;
+pub mod journal;
 pub mod mechanism;
 pub mod motor;
 #[deny(clippy::float_arithmetic)]
@@ -27,10 +28,16 @@ pub use digital::Digital;
 mod tests;
 
 /// Writes what happens to standard error, as `RUST_LOG` asks for it; warnings and worse if it does not, but of the bus'
-/// library only errors: it warns of what it then does right. For the first lines of a program.
+/// library only errors: it warns of what it then does right. In colours only on a terminal, and not if `NO_COLOR` is set;
+/// with priorities if it is the [`journal`] that listens. For the first lines of a program.
 pub fn start_logging() {
     let filter = tracing_subscriber::EnvFilter::try_from_default_env()
         .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn,iceoryx2_bb_loggers=error"));
-    let colours = std::io::IsTerminal::is_terminal(&std::io::stderr());
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_ansi(colours).init();
+    let told = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
+    if journal::is_connected() {
+        told.with_ansi(false).event_format(journal::Lines).init();
+    } else {
+        let wanted = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
+        told.with_ansi(wanted && std::io::IsTerminal::is_terminal(&std::io::stderr())).init();
+    }
 }

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 use supersigma_protocol::Address;
 
-use crate::executive::{AxisState, Failure, Operate, Outcome, Request};
+use crate::executive::{AxisState, Failure, LogTrouble, Operate, Outcome, Request};
 use crate::home::Home;
 
 /// From a client to the daemon.
@@ -64,8 +64,41 @@ pub struct Description {
     pub frames: u64,
     /// Frames that were lost.
     pub lost: u64,
-    /// Whether everything is being recorded.
-    pub recording: bool,
+    /// The recorder.
+    pub recorder: RecorderView,
+}
+
+/// The recorder, as the daemon knows it. News comes every 250 ms.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RecorderView {
+    /// What it does.
+    pub state: RecorderState,
+    /// The file that is being written, or was last.
+    pub log: PathBuf,
+    /// All files of the log, in order.
+    pub parts: Vec<PathBuf>,
+    /// Frames in the log.
+    pub frames: u64,
+    /// Frames that are missing in it.
+    pub lost: u64,
+    /// The length of its files.
+    pub bytes: u64,
+    /// The greatest real time, in milliseconds, by which it lately was behind the bus.
+    pub behind_ms: u64,
+    /// Why nothing moves; null if nothing is wrong with the log.
+    pub trouble: Option<LogTrouble>,
+}
+
+/// What the recorder does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RecorderState {
+    /// It records.
+    Recording,
+    /// It has ended, or cannot write.
+    Stopped,
+    /// There is no room for the log.
+    DiskFull,
 }
 
 /// The last words about a set.
@@ -77,8 +110,12 @@ pub struct DownReport {
     pub sent: u64,
     /// Frames in the log; `None` if the recorder did not say.
     pub logged: Option<u64>,
-    /// The log's size in bytes.
+    /// Frames that are missing in it.
+    pub lost: Option<u64>,
+    /// The log's size in bytes, all files together.
     pub bytes: Option<u64>,
+    /// Its files, in order.
+    pub parts: Vec<PathBuf>,
 }
 
 /// A client of a daemon.

@@ -106,11 +106,11 @@ pub(crate) fn locate(root: &Spanned<DeValue<'_>>, path: &KeyPath) -> Result<Rang
     Ok(here.span())
 }
 
-/// Line and column, both from 1; the column counts characters.
+/// Line and column, both from 1; the column counts characters, but not a byte-order mark, which nobody sees.
 pub(crate) fn line_and_column(text: &str, offset: usize) -> (usize, usize) {
     let before = &text[..floor_char_boundary(text, offset)];
     let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
-    (before.matches('\n').count() + 1, before[line_start..].chars().count() + 1)
+    (before.matches('\n').count() + 1, before[line_start..].chars().filter(|c| *c != '\u{feff}').count() + 1)
 }
 
 /// The nearest place at or before `offset` where a character begins.
@@ -151,8 +151,11 @@ pub(crate) fn key_near(text: &str, offset: usize) -> KeyPath {
         }
     }
     let line = text[..line_end].lines().next_back().unwrap_or_default().trim_start();
-    let key = line.split(['=', '#']).next().unwrap_or_default().trim();
-    if key.is_empty() || line.starts_with('[') {
+    let Some((key, _)) = line.split_once('=') else {
+        return path;
+    };
+    let key = key.trim();
+    if key.is_empty() || key.contains('#') || line.starts_with('[') {
         return path;
     }
     key.split('.').fold(path, |path, key| path.key(key.trim().trim_matches(['"', '\''])))

@@ -17,15 +17,17 @@ use crate::{KeyPath, schema};
 #[derive(Debug, Error, Diagnostic)]
 pub enum ConfigError {
     /// The file cannot be read.
-    #[error("cannot read the configuration {}: {source}", path.display())]
-    #[diagnostic(help(
-        "name a file that exists and that you may read; without one, the built-in set is used"
-    ))]
+    #[error("cannot read the configuration {}: {reason}", path.display())]
+    #[diagnostic(help("{}", match reason.kind() {
+        io::ErrorKind::IsADirectory => "name a file, not a folder",
+        io::ErrorKind::PermissionDenied => "see who may read it: `ls -l`",
+        _ => "name a file that exists; without one, the built-in set is used, and `ccu config show` prints it",
+    }))]
     Unreadable {
         /// The file.
         path: PathBuf,
         /// What the system says.
-        source: io::Error,
+        reason: io::Error,
     },
     /// One thing is wrong with it.
     #[error(transparent)]

@@ -10,6 +10,7 @@ mod fault;
 mod load;
 mod model;
 mod motor;
+mod origin;
 mod problem;
 mod ramp;
 mod rules;
@@ -22,9 +23,10 @@ pub use fault::{ConfigError, Fault};
 pub use load::DEFAULT_TOML;
 pub use model::{
     AxisConfig, Config, DigitalConfig, ExecutiveConfig, Feedback, FollowingConfig, InputConfig, LineConfig,
-    LogConfig, OriginationConfig, OutputConfig, RailConfig, RampConfig, ShortMoves, SupervisionConfig,
-    TravelConfig,
+    LogConfig, OnLoss, OriginationConfig, OutputConfig, RailConfig, RampConfig, ShortMoves,
+    SupervisionConfig, TravelConfig,
 };
 pub use motor::{HALF_STEPS_PER_CYCLE, MotorConfig, MotorError};
+pub use origin::{Origin, Source};
 pub use problem::{Problem, choose};
 pub use ramp::{RampError, SPEEDS};

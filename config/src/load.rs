@@ -8,7 +8,7 @@ use miette::NamedSource;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use crate::document::{self, key_near, locate};
+use crate::document::{self, floor_char_boundary, key_near, locate};
 use crate::fault::{ConfigError, Fault};
 use crate::problem::Problem;
 use crate::rules::{self, Finding};
@@ -25,20 +25,7 @@ impl Config {
     /// [`ConfigError`]: the file cannot be read, is not TOML, does not fit the model, or breaks rules.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, ConfigError> {
         let path = path.as_ref();
-        let bytes =
-            fs::read(path).map_err(|source| ConfigError::Unreadable { path: path.to_owned(), source })?;
-        let name = path.display().to_string();
-        match String::from_utf8(bytes) {
-            Ok(text) => Self::from_toml(&text, &name),
-            Err(error) => {
-                let offset = error.utf8_error().valid_up_to();
-                let text = String::from_utf8_lossy(error.as_bytes()).into_owned();
-                let span = offset..offset + char::REPLACEMENT_CHARACTER.len_utf8();
-                let key = key_near(&text, offset);
-                let text = NamedSource::new(name, Arc::from(text));
-                Err(ConfigError::One(Box::new(Fault::new(&text, key, &span, None, Problem::NotUtf8))))
-            }
-        }
+        Self::from_toml(&read(path)?, &path.display().to_string())
     }
 
     /// Reads and checks a text. `source_name` is what errors call it: a file, or where else it came from.
@@ -49,16 +36,24 @@ impl Config {
     ///
     /// [`ConfigError`]: the first syntax error, the first value that does not fit the model, or all broken rules.
     pub fn from_toml(text: &str, source_name: &str) -> Result<Self, ConfigError> {
-        let source = || NamedSource::new(source_name, Arc::<str>::from(text)).with_language("toml");
+        let source =
+            || NamedSource::new(source_name, Arc::<str>::from(printable(text))).with_language("toml");
         let mut root = document::parse(text).map_err(|error| {
             let key = key_near(text, error.span.start);
-            let problem = Problem::Syntax { reason: error.message };
+            let problem = match text[floor_char_boundary(text, error.span.start)..].chars().next() {
+                Some(character) if is_control(character) => Problem::Control { character },
+                _ => Problem::Syntax { reason: error.message },
+            };
             ConfigError::One(Box::new(Fault::new(&source(), key, &error.span, None, problem)))
         })?;
         inherit_ramp(&mut root);
         let config: Self = deserialize::deserialize(&root).map_err(|mismatch| {
             let span = mismatch.span.unwrap_or_default();
-            ConfigError::One(Box::new(Fault::new(&source(), mismatch.key, &span, None, mismatch.problem)))
+            let problem = match mismatch.problem {
+                Problem::MissingKey { key: "axis" } => Problem::NoAxis,
+                problem => problem,
+            };
+            ConfigError::One(Box::new(Fault::new(&source(), mismatch.key, &span, None, problem)))
         })?;
         let findings = rules::check(&config);
         if findings.is_empty() {
@@ -97,8 +92,39 @@ impl Config {
     }
 }
 
+/// The text of a file.
+pub(crate) fn read(path: &Path) -> Result<String, ConfigError> {
+    let bytes = fs::read(path).map_err(|reason| ConfigError::Unreadable { path: path.to_owned(), reason })?;
+    String::from_utf8(bytes).map_err(|error| {
+        let offset = error.utf8_error().valid_up_to();
+        let is_utf16 = matches!(error.as_bytes(), [0xFF, 0xFE, ..] | [0xFE, 0xFF, ..]);
+        let text = String::from_utf8_lossy(error.as_bytes());
+        let span = offset..offset + char::REPLACEMENT_CHARACTER.len_utf8();
+        // In the midst of a text somebody may have typed an odd letter; otherwise no key is meant.
+        let is_text = !text[..offset].is_empty() && !text.contains(is_control);
+        let key = if is_text { key_near(&text, offset) } else { KeyPath::default() };
+        let source = NamedSource::new(path.display().to_string(), Arc::from(printable(&text)));
+        ConfigError::One(Box::new(Fault::new(&source, key, &span, None, Problem::NotUtf8 { is_utf16 })))
+    })
+}
+
+/// Characters that no text has, and that a terminal may obey.
+fn is_control(character: char) -> bool {
+    character.is_control() && !matches!(character, '\t' | '\n' | '\r')
+}
+
+/// The text as it may be shown: a control character is a `?`, or a `·` where it has two bytes, so that places stay true.
+fn printable(text: &str) -> String {
+    let shown = |character: char| match character {
+        control if is_control(control) && control.len_utf8() == 1 => '?',
+        control if is_control(control) => '·',
+        other => other,
+    };
+    text.chars().map(shown).collect()
+}
+
 /// Gives each axis's own ramp, in the tree, what it leaves out of the set's; so places stay true.
-fn inherit_ramp(root: &mut Spanned<DeValue<'_>>) {
+pub(crate) fn inherit_ramp(root: &mut Spanned<DeValue<'_>>) {
     let DeValue::Table(root) = root.get_mut() else {
         return;
     };

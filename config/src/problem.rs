@@ -10,7 +10,16 @@ use crate::RampError;
 pub enum Problem {
     /// The file is not text.
     #[error("this is not UTF-8 text")]
-    NotUtf8,
+    NotUtf8 {
+        /// Whether it begins as UTF-16 text does.
+        is_utf16: bool,
+    },
+    /// A character that no text has.
+    #[error("this is not TOML: there is the control character U+{:04X}", u32::from(*character))]
+    Control {
+        /// The character.
+        character: char,
+    },
     /// The text is not TOML.
     #[error("this is not TOML: {reason}")]
     Syntax {
@@ -215,15 +224,25 @@ impl Problem {
                     "give a value above `{below}`; 0 < lower_zone < reference < upper_zone < length"
                 ));
             }
+            Self::WrongType { expected, .. } if expected == "an array of tables" => {
+                "write its header in double brackets, once for each, as [[axis]]"
+            }
             Self::MissingKey { .. }
             | Self::WrongType { .. }
             | Self::OutOfRange { .. }
             | Self::Refused { .. } => return None,
-            Self::NotUtf8 => "save the file as UTF-8",
+            Self::NotUtf8 { is_utf16: true } => "it seems to be UTF-16; save the file as UTF-8",
+            Self::NotUtf8 { is_utf16: false } => "name a text file, saved as UTF-8",
+            Self::Control { .. } => "remove it; in a string, write it as an escape: \\uXXXX",
+            Self::Syntax { reason } if reason.contains("duplicate key") => {
+                "a key, or a table, is written once: join the two, or remove one; axes are [[axis]]"
+            }
             Self::Syntax { .. } => {
                 "write it as `key = value`, strings in quotes, tables as [name], axes as [[axis]]"
             }
-            Self::NoAxis => "add an [[axis]] table; `supersigma.toml` of the default set shows one",
+            Self::NoAxis => {
+                "add an [[axis]] table; `ccu config show` prints the built-in set, to be copied and changed"
+            }
             Self::TooManyAxes { .. } => "remove the axes beyond the seventh: the addresses are 1 to 7",
             Self::AddressTaken { .. } => "give each axis an address of its own, 1 to 7",
             Self::BadName { .. } => {

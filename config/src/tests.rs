@@ -1,6 +1,7 @@
 //! Loading as a whole: files, the default set, the way to a text and back, and texts of chance. In `shape` and `rules`
 //! each way to be wrong has a text; its message names file, line, column and key.
 
+mod files;
 mod rules;
 mod shape;
 

@@ -204,6 +204,9 @@ impl Neg for Direction {
 pub struct Count(pub u16);
 
 impl Count {
+    /// The longest period that 16 bits count, in ticks.
+    pub const LONGEST: u64 = 65_536;
+
     /// What the chip divides by: 1 ..= 65 536.
     #[must_use]
     pub const fn divisor(self) -> u32 {

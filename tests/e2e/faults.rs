@@ -78,11 +78,11 @@ fn a_worker_is_killed_and_the_others_brake() {
     let waiting = cell.start("move left_y 20000 --constant --speed 650");
     cell.until("left_y", "at its speed", |axis| axis["activity"] == "cruising");
     cell.worker(2).signal(Signal::KILL);
-    waiting.end().fails(1, &["the worker of axis 2 is gone", "take the set down and up again"]);
+    waiting.end().fails(1, &["the worker of axis 2 (left_y) is gone", "take the set down and up again"]);
     stopped_between(&cell.until("left_x", "has braked", braked));
     for line in ["move left_y 10", "origin left_y", "line left_x=-10 left_y=10"] {
         cell.ccu("clear left_x").done();
-        cell.ccu(line).fails(1, &["the worker of axis 2 is gone"]);
+        cell.ccu(line).fails(1, &["the worker of axis 2 (left_y) is gone"]);
     }
     let status = cell.ccu("status").good();
     assert!(status.stdout.lines().any(|line| line.trim() == "2 left_y       its worker is gone"), "{status}");
@@ -119,7 +119,7 @@ fn the_recorder_is_killed_and_nothing_moves_without_a_log() {
     let ran = waiting.end();
     assert_eq!(ran.code(), Some(1), "{ran}");
     assert!(
-        ["the recorder is gone, and nothing moves without a log", "axis 2 is in alarm"]
+        ["the recorder is gone (signal: 9 (SIGKILL))", "axis 2 (left_y) is in alarm"]
             .iter()
             .any(|why| ran.complaint().contains(why)),
         "{ran}"
@@ -129,7 +129,10 @@ fn the_recorder_is_killed_and_nothing_moves_without_a_log() {
     }
     cell.ccu("clear").done();
     for line in ["move left_x 10", "line left_x=10 left_y=10", "origin", "output lamp on"] {
-        cell.ccu(line).fails(1, &["the recorder is gone, and nothing moves without a log", "free space"]);
+        cell.ccu(line).fails(
+            1,
+            &["the recorder is gone (signal: 9 (SIGKILL))", "; nothing moves without a log", "free space"],
+        );
     }
     let status = cell.ccu("status").good();
     assert!(status.stdout.contains("NO LOG ANY MORE, was "), "{status}");
@@ -149,7 +152,7 @@ fn a_worker_hangs_and_is_noticed_by_its_silence() {
     let hung = cell.worker(2);
     hung.signal(Signal::STOP);
     stopped_between(&cell.until("left_x", "has braked", braked));
-    cell.ccu("move left_y 10").fails(1, &["the worker of axis 2 is gone"]);
+    cell.ccu("move left_y 10").fails(1, &["the worker of axis 2 (left_y) is gone"]);
     // It wakes: it has missed nothing, brakes as everybody was told, and can be commanded again.
     hung.signal(Signal::CONT);
     cell.until("left_y", "is back", |axis| axis["alive"] == true && braked(axis));

@@ -81,20 +81,24 @@ fn wrong_bytes_are_refused_with_the_reason_and_change_nothing() {
 fn what_an_axis_cannot_do_is_refused_with_advice() {
     let cell = Cell::new(EXE);
     let up = cell.up("5");
-    cell.ccu("move left_x 100").fails(1, &["axis 1 refused: the position is unknown", "`ccu origin`"]);
+    cell.ccu("move left_x 100")
+        .fails(1, &["axis 1 (left_x) refused at", "the position is unknown", "`ccu origin`"]);
     cell.ccu("line left_x=100 left_y=5").fails(1, &["the position is unknown", "`ccu origin`"]);
     cell.ccu("origin left_x left_y").done();
-    cell.ccu("move left_x -1")
-        .fails(1, &["axis 1 refused: target -1 is outside the travel 0 to 66000", "`ccu config show`"]);
+    cell.ccu("move left_x -1").fails(
+        1,
+        &["axis 1 (left_x) refused at", "target -1 is outside the travel 0 to 66000", "`ccu config show`"],
+    );
     cell.ccu("move left_y 38001")
-        .fails(1, &["axis 2 refused: target 38001 is outside the travel 0 to 38000"]);
+        .fails(1, &["axis 2 (left_y) refused at", "target 38001 is outside the travel 0 to 38000"]);
     assert_eq!(cell.axis("left_x")["position"], 0);
 
     assert_eq!(cell.ccu(&format!("{LONG} --no-wait")).good().stdout, "started\n");
-    cell.ccu("move left_x 10").fails(1, &["axis 1 refused: a movement is under way", "`ccu halt`"]);
-    cell.ccu("origin left_x").fails(1, &["axis 1 refused: a movement is under way"]);
-    cell.ccu("clear left_x").fails(1, &["axis 1 refused: a movement is under way"]);
-    cell.ccu("line left_x=10 left_y=10").fails(1, &["axis 1 refused: a movement is under way"]);
+    cell.ccu("move left_x 10")
+        .fails(1, &["axis 1 (left_x) refused at", "a movement is under way", "`ccu halt`"]);
+    cell.ccu("origin left_x").fails(1, &["axis 1 (left_x) refused at", "a movement is under way"]);
+    cell.ccu("clear left_x").fails(1, &["axis 1 (left_x) refused at", "a movement is under way"]);
+    cell.ccu("line left_x=10 left_y=10").fails(1, &["axis 1 (left_x) refused at", "a movement is under way"]);
     // The other axes are not concerned.
     cell.ccu("move left_y 300").done();
     assert_eq!(cell.axis("left_x")["activity"], "cruising");
@@ -104,7 +108,7 @@ fn what_an_axis_cannot_do_is_refused_with_advice() {
     assert_eq!(braked["alarm"], json!({ "cause": "braked", "message": "braked on command" }));
     assert_eq!(braked["position"], braked["steps"], "it began at 0");
     for line in ["move left_x 10", "origin left_x", "line left_x=10 left_y=10"] {
-        cell.ccu(line).fails(1, &["axis 1 refused: an alarm holds the axis", "`ccu clear`"]);
+        cell.ccu(line).fails(1, &["axis 1 (left_x) refused at", "an alarm holds the axis", "`ccu clear`"]);
     }
     assert!(cell.ccu("status").good().stdout.contains("braked on command"));
     cell.ccu("clear left_x").done();
@@ -141,7 +145,7 @@ fn lines_end_where_they_should_or_do_not_begin() {
 
     // One axis that cannot, and nobody moves; and nobody stays armed.
     cell.ccu("line left_x=-100 wrist=50 left_y=-1")
-        .fails(1, &["axis 2 refused: target -1 is outside the travel"]);
+        .fails(1, &["axis 2 (left_y) refused at", "target -1 is outside the travel"]);
     cell.ccu("line left_x=-100 wrist=50 left_y=60000").fails(1, &["outside the travel 0 to 38000"]);
     assert_eq!(positions(), [Some(7919), Some(0), Some(0)]);
     cell.ccu("line left_x=-7919 wrist=50 left_y=4000 --speed 5000").done();

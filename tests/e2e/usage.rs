@@ -1,8 +1,9 @@
 //! What people see when they ask wrongly, and how output behaves in pipes: exit codes, places in files, no stray bytes.
 
 use std::fs;
-use std::io;
-use std::process::Stdio;
+use std::io::{self, Write};
+use std::path::PathBuf;
+use std::process::{Command, Output, Stdio};
 
 use serde_json::Value;
 use supersigma_tests::{Cell, changed, patient};
@@ -14,7 +15,6 @@ fn without_a_set_it_is_said_how_to_start_one() {
     let cell = Cell::new(EXE);
     for line in [
         "status",
-        "status --json",
         "move 1 10",
         "line 1=10 2=20",
         "origin",
@@ -41,6 +41,10 @@ fn wrong_arguments_are_wrong_usage() {
     for (line, says) in [
         ("", "Usage: ccu <COMMAND>"),
         ("fly", "unrecognized subcommand 'fly'"),
+        ("staus", "a similar subcommand exists: 'status'"),
+        ("status --jsn", "a similar argument exists: '--json'"),
+        ("completions tcsh", "[possible values: bash, elvish, fish, powershell, zsh]"),
+        ("config show --json", "--origin"),
         ("move", "<AXIS> <STEPS>"),
         ("move left_x far", "invalid digit"),
         ("line", "AXIS=STEPS"),
@@ -85,7 +89,7 @@ fn names_that_mean_nothing_are_told_with_what_was_meant() {
         ("move 1 65536", "65536 steps are too many for one movement"),
         (
             "move 1 10 --speed 20000",
-            "axis 1 cannot run at 20000 steps/s; its ramp goes from 650.0 to 15037.6",
+            "axis 1 (left_x) cannot run at 20000 steps/s; its ramp goes from 650.0 to 15037.6",
         ),
         ("line 1", "\"1\" is not of the form AXIS=STEPS"),
         ("line 1=far", "\"far\" in \"1=far\" is no number of steps"),
@@ -202,7 +206,18 @@ fn unread(cell: &Cell, line: &str) {
 #[test]
 fn a_closed_pipe_is_quiet_and_changes_nothing() {
     let cell = Cell::new(EXE);
-    for line in ["profile", "profile --steps 65535 --json --pulses", "config show", "config schema"] {
+    for line in [
+        "profile",
+        "profile --steps 65535 --json --pulses",
+        "config show",
+        "config show --origin",
+        "config schema",
+        "completions zsh",
+        "man",
+        "--help",
+        "help move",
+        "--version",
+    ] {
         unread(&cell, line);
     }
     let log = cell.path("cell.mcap");
@@ -301,4 +316,239 @@ fn what_goes_into_a_pipe_has_no_colours_and_json_has_an_object_a_line() {
     let people = cell.ccu(&format!("frames {}", up.log.display())).good().stdout;
     assert!(!people.contains('\u{1b}'));
     assert_eq!(people.lines().count(), frames.len() + 1);
+}
+
+/// Runs a program of the system that may not be there.
+fn outside(program: &str, arguments: &[&str], input: &str) -> Option<Output> {
+    let mut command = Command::new(program);
+    command.args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let Ok(mut child) = command.spawn() else {
+        println!("skipped: {program} is not here");
+        return None;
+    };
+    let mut stdin = child.stdin.take().expect("piped");
+    let input = input.to_owned();
+    let writing = std::thread::spawn(move || stdin.write_all(input.as_bytes()));
+    let output = child.wait_with_output().expect("it ends");
+    // A program that does not read to the end says why on its own.
+    let _ = writing.join().expect("no panic");
+    Some(output)
+}
+
+#[test]
+fn completions_are_scripts_of_their_shells() {
+    let cell = Cell::new(EXE);
+    for (shell, arguments) in [("bash", "-n"), ("zsh", "-n"), ("fish", "--no-execute")] {
+        let script = cell.ccu(&format!("completions {shell}")).good().stdout;
+        if let Some(output) = outside(shell, &[arguments], &script) {
+            let said = String::from_utf8_lossy(&output.stderr);
+            assert!(output.status.success() && said.is_empty(), "{shell}: {said}");
+        }
+    }
+    // What bash completes: the words that `ccu mo` may become.
+    let script = cell.ccu("completions bash").good().stdout;
+    let ask = "\nCOMP_WORDS=(ccu st); COMP_CWORD=1; _ccu ccu st ccu; echo \"<${COMPREPLY[*]}>\"\n";
+    if let Some(output) = outside("bash", &[], &format!("{script}{ask}")) {
+        assert_eq!(String::from_utf8_lossy(&output.stdout).trim(), "<status>", "{output:?}");
+    }
+}
+
+#[test]
+fn manual_pages_are_written_for_every_command_and_have_no_faults() {
+    let cell = Cell::new(EXE);
+    let folder = cell.path("man/man1");
+    cell.ccu(&format!("man {}", folder.display())).done();
+    let mut names = vec![];
+    for entry in fs::read_dir(&folder).expect("the pages") {
+        let path = entry.expect("a page").path();
+        let page = path.to_str().expect("UTF-8");
+        if let Some(output) = outside("groff", &["-ww", "-man", "-Tutf8", page], "") {
+            let said = String::from_utf8_lossy(&output.stderr);
+            assert!(output.status.success() && said.is_empty(), "{page}: {said}");
+        }
+        names.push(path.file_name().expect("a file").to_string_lossy().into_owned());
+    }
+    let help = cell.ccu("--help").good().stdout;
+    let listed = help.split("Commands:\n").nth(1).expect("a list").split("\n\n").next().expect("its lines");
+    for command in listed.lines().filter_map(|line| line.strip_prefix("  ")?.split(' ').next()) {
+        let known = command.is_empty() || command == "help";
+        assert!(known || names.contains(&format!("ccu-{command}.1")), "no page of {command}: {names:?}");
+    }
+    assert!(
+        names.contains(&"ccu-config-show.1".into()) && !names.contains(&"ccu-recorder.1".into()),
+        "{names:?}"
+    );
+    let printed = cell.ccu("man").good().stdout;
+    assert_eq!(printed, fs::read_to_string(folder.join("ccu.1")).expect("the page"));
+    assert!(printed.contains(".SH EXAMPLES"), "{printed}");
+    let file = cell.file("taken", "");
+    cell.ccu(&format!("man {}", file.display())).fails(1, &["cannot write the manual pages to"]);
+}
+
+#[test]
+fn failures_are_json_when_json_is_asked_for() {
+    let cell = Cell::new(EXE);
+    let _up = cell.up("20");
+    let bad = cell.file("bad.toml", "[ramp]\namplitud = 1.0\n");
+    let failed = |line: &str, code: i32| -> Value {
+        let ran = cell.ccu(line);
+        assert_eq!(ran.code(), Some(code), "{ran}");
+        assert_eq!(ran.stdout, "", "{ran}");
+        assert_eq!(ran.stderr.lines().count(), 1, "{ran}");
+        let mut told: Value =
+            serde_json::from_str(&ran.stderr).unwrap_or_else(|error| panic!("{error}: {ran}"));
+        let error = told["error"].take();
+        let keys: Vec<_> = error.as_object().expect("an object").keys().cloned().collect();
+        assert_eq!(keys, ["axis", "code", "exit", "help", "message", "name", "reason", "tick"], "{ran}");
+        assert_eq!(error["exit"], code, "{ran}");
+        assert!(error["message"].as_str().is_some_and(|message| !message.is_empty()), "{ran}");
+        error
+    };
+    let refused = failed("move left_x 5 --json", 1);
+    assert_eq!(
+        [&refused["code"], &refused["reason"], &refused["name"]],
+        ["refused", "not_originated", "left_x"]
+    );
+    assert_eq!(refused["axis"], 1);
+    assert!(refused["tick"].as_u64().is_some_and(|tick| tick > 0), "{refused}");
+    assert_eq!(refused["help"], "originate the axis first: `ccu origin`");
+    cell.ccu("brake left_y").done();
+    let alarm = failed("origin left_y --json", 1);
+    assert_eq!([&alarm["code"], &alarm["reason"]], ["refused", "in_alarm"]);
+    for (line, exit, code) in [
+        ("move left_x 70000 --json".to_owned(), 2, "too_far"),
+        ("move nobody 1 --json".to_owned(), 2, "wrongly_asked"),
+        ("move left_x far --json".to_owned(), 2, "usage"),
+        ("status --name nobody --json".to_owned(), 3, "no_set"),
+        (format!("config check --json {}", bad.display()), 2, "wrongly_asked"),
+    ] {
+        assert_eq!(failed(&line, exit)["code"], code, "{line}");
+    }
+    let program = cell.file("program.rhai", "move_by(\"wrist\", 10);\n");
+    let of_program = failed(&format!("run --json {}", program.display()), 1);
+    assert_eq!([&of_program["code"], &of_program["name"]], ["refused", "wrist"]);
+    assert_eq!(cell.down(), None);
+}
+
+#[test]
+fn a_message_says_which_axis_when_and_what_to_do() {
+    let cell = Cell::new(EXE);
+    let _up = cell.up("20");
+    let ran = cell.ccu("move left_x 5");
+    ran.fails(
+        1,
+        &[
+            "axis 1 (left_x) refused at ",
+            " s: the position is unknown; originate first",
+            "help: originate the axis",
+        ],
+    );
+    let program = cell.file("program.rhai", "move_by(\"wrist\", 10);\n");
+    cell.ccu(&format!("run {}", program.display()))
+        .fails(1, &["program.rhai:1:1", "(axis 7 (wrist), at ", " s of machine time)"]);
+    cell.ccu("send 01 01 00 00")
+        .fails(1, &["axis 1 (left_x) refused: 0 steps are no movement", "help: ask for 1 step or more"]);
+    assert_eq!(cell.down(), None);
+}
+
+#[test]
+fn narrow_terminals_get_narrow_messages() {
+    let cell = Cell::new(EXE);
+    for line in
+        ["--help", "run --help", "word --help", "status --name nobody", "move", "config check no.toml"]
+    {
+        let output = cell.command(&words(line)).env("COLUMNS", "60").output().expect("it runs");
+        for said in [output.stdout, output.stderr] {
+            let said = String::from_utf8(said).expect("UTF-8");
+            // Words that are longer than a line, such as examples and usage lines, are not broken.
+            let wide = said.lines().find(|line| line.chars().count() > 60 && !line.contains("Usage:"));
+            assert_eq!(wide, None, "`{line}`");
+        }
+    }
+}
+
+fn words(line: &str) -> Vec<&str> {
+    line.split_whitespace().collect()
+}
+
+#[test]
+fn every_value_in_force_has_an_origin() {
+    let cell = Cell::new(EXE);
+    let config = cell.config();
+    let shown = cell.ccu(&format!("config show --origin --config {}", config.display())).good().stdout;
+    let columns: Vec<Option<usize>> = shown
+        .lines()
+        .map(|line| line.find(&config.display().to_string()).or_else(|| line.rfind("default")))
+        .collect();
+    assert!(columns.len() > 100 && columns.iter().all(|column| *column == columns[0]), "{shown}");
+    let text = fs::read_to_string(&config).expect("a file");
+    let lead = 1 + text.lines().position(|line| line.starts_with("lead_ms")).expect("a line");
+    let values = cell.ccu(&format!("config show --origin --json {}", config.display())).good().json();
+    assert_eq!(values.len(), columns.len());
+    let of =
+        |key: &str| values.iter().find(|value| value["key"] == key).unwrap_or_else(|| panic!("no {key}"));
+    assert_eq!(of("line.lead_ms")["line"], lead);
+    assert_eq!(of("line.lead_ms")["value"], 300);
+    assert_eq!(of("axis[0].loop")["file"], Value::Null);
+    // Without --origin it is a configuration.
+    let effective = cell.ccu(&format!("config show {}", config.display())).good().stdout;
+    let path = cell.file("effective.toml", &effective);
+    cell.ccu(&format!("config check {}", path.display())).done();
+}
+
+#[test]
+fn the_schema_agrees_with_an_independent_validator() {
+    const SCRIPT: &str = r#"
+import json, sys, tomllib
+import jsonschema
+schema = json.load(open(sys.argv[1]))
+kind = jsonschema.validators.validator_for(schema)
+kind.check_schema(schema)
+for name in sys.argv[2:]:
+    errors = list(kind(schema).iter_errors(tomllib.load(open(name, "rb"))))
+    print(len(errors))
+"#;
+    match Command::new("python3").args(["-c", "import jsonschema, tomllib"]).output() {
+        Ok(output) if output.status.success() => {}
+        _ => {
+            println!(
+                "skipped: python3.11 with the package `jsonschema` (pip install jsonschema) is not here"
+            );
+            return;
+        }
+    }
+    let cell = Cell::new(EXE);
+    let schema = cell.file("schema.json", &cell.ccu("config schema").good().stdout);
+    let built_in = cell.file("built-in.toml", &cell.ccu("config show").good().stdout);
+    let effective = cell.ccu(&format!("config show {}", built_in.display())).good().stdout;
+    let effective = cell.file("effective.toml", &effective);
+    let mut good = vec![built_in.clone(), effective];
+    let examples = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../examples");
+    for entry in fs::read_dir(examples).expect("the examples") {
+        let path = entry.expect("an example").path();
+        good.extend((path.extension().is_some_and(|kind| kind == "toml")).then_some(path));
+    }
+    let text = fs::read_to_string(&built_in).expect("a file");
+    let wrong = [
+        ("offset = 10 ", "ofset = 10 "),
+        ("offset = 10 ", "offset = -1 "),
+        ("name = \"wrist\"", "name = \"The Wrist\""),
+    ]
+    .map(|(from, to)| changed(&text, from, to));
+    let wrong = wrong.iter().enumerate().map(|(place, text)| cell.file(&format!("wrong{place}.toml"), text));
+    let files: Vec<_> = good.iter().cloned().chain(wrong).collect();
+    let output = Command::new("python3")
+        .arg("-c")
+        .arg(SCRIPT)
+        .arg(&schema)
+        .args(&files)
+        .output()
+        .expect("it ran before");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let counts: Vec<usize> =
+        String::from_utf8_lossy(&output.stdout).lines().map(|line| line.parse().expect("a count")).collect();
+    for (place, (file, count)) in files.iter().zip(&counts).enumerate() {
+        assert_eq!(*count == 0, place < good.len(), "{}: {count} errors", file.display());
+    }
+    assert_eq!(counts.len(), files.len());
 }

@@ -26,7 +26,7 @@ mod servo;
 use supersigma_config::{AxisConfig, RampConfig, RampError, TravelConfig};
 use supersigma_protocol::{
     Activity, Alarm, AxisReport, Deviation, Direction, End, Fault, Operation, Position, Refusal, SensePoint,
-    SpeedIndex, StatusWord, Steps, Tick,
+    SpeedIndex, StatusWord, Steps, Tick, Ticks,
 };
 
 use self::arming::{Armed, Lead};
@@ -167,9 +167,30 @@ impl Firmware {
             State::Moving(movement) | State::Searching(_, movement) => Some(movement.wake_at()),
             State::Settling(settling) | State::Zeroing(_, settling) => Some(settling.look_at()),
         };
-        let moving = matches!(self.state, State::Moving(_));
-        let follow = self.servo.as_ref().filter(|_| moving).map(Servo::look_at);
+        // Where a search was stopped, nothing is known that the shaft could be compared with.
+        let followed = matches!(self.state, State::Moving(_)) && self.base.is_some();
+        let follow = self.servo.as_ref().filter(|_| followed).map(Servo::look_at);
         [own, follow, self.halt_at, self.brake_at].into_iter().flatten().min()
+    }
+
+    /// The next tick at which the card may have something to say by itself; it may turn out that it has not.
+    #[must_use]
+    pub fn next_news(&self, board: &Board) -> Option<Tick> {
+        match &self.state {
+            State::Moving(movement) | State::Searching(_, movement) => {
+                [Some(movement.next_news(board)), self.halt_at, self.brake_at].into_iter().flatten().min()
+            }
+            _ => self.wake_at(),
+        }
+    }
+
+    /// Makes at once what it will write to the chip before anything else happens, up to and including `to`. Not with a
+    /// rotor: what that makes of a pulse is seen only afterwards.
+    pub(crate) fn leap(&mut self, to: Tick, board: &mut Board) {
+        let news = self.next_news(board).unwrap_or(to).min(to + Ticks(1));
+        if let State::Moving(movement) | State::Searching(_, movement) = &mut self.state {
+            movement.leap(news, board);
+        }
     }
 
     /// Does what is due at the board's tick.

@@ -14,10 +14,12 @@
 //!   writes      ▲ load               ▲ fire
 //! ```
 
+use std::num::NonZeroU32;
+
 use supersigma_protocol::{Count, Direction, Pace, Position, Steps, Tick, Ticks};
 
 use crate::board::{Board, Sink};
-use crate::ramp::{Phase, REACTION, Schedule, Stop, Table};
+use crate::ramp::{Phase, REACTION, Run, Schedule, Stop, Table};
 
 /// What is left to count when the gate is opened for a pulse after a long pause.
 const FIRE_AHEAD: u32 = 3_077;
@@ -34,6 +36,16 @@ pub(super) struct Movement {
     phase_changes: Option<u64>,
     /// The last pulse before the sense wire changes.
     turn: Option<u32>,
+    /// Whether 16 bits count every period.
+    counts_all: bool,
+}
+
+/// Where a leap ends: right after a write.
+struct Landing {
+    at: u64,
+    /// What was written.
+    period: u64,
+    then: Option<Write>,
 }
 
 /// The next thing to do to the chip, and when, in ticks from the start.
@@ -65,6 +77,7 @@ impl Movement {
         let mut movement = Self {
             start: board.now(),
             turn: schedule.turns_after(0),
+            counts_all: schedule.longest_period() <= Count::LONGEST,
             schedule,
             short: total <= 2,
             write: None,
@@ -147,12 +160,68 @@ impl Movement {
         false
     }
 
+    /// The next tick at which more happens than a write to the chip: the phase changes, the sense wire changes, a detector
+    /// changes, the movement ends.
+    pub(super) fn next_news(&self, board: &Board) -> Tick {
+        let turn = self.turn.map(|last| self.schedule.tick_of(last));
+        let change = board.steps_to_change().and_then(|steps| {
+            let pulse = self.schedule.pulses_by(self.elapsed(board)).checked_add(steps)?;
+            (pulse <= self.schedule.total().0).then(|| self.schedule.tick_of(pulse))
+        });
+        let soonest = [self.phase_changes, turn, change].into_iter().flatten().fold(self.end(), u64::min);
+        self.start + Ticks(soonest)
+    }
+
+    /// Makes all writes before `before` at once, as if each had been made in its time. Nothing else may happen before
+    /// that: see [`Movement::next_news`].
+    pub(super) fn leap(&mut self, before: Tick, board: &mut Board) {
+        let limit = before.since(self.start).0;
+        let Some(Write { at, what }) = self.write.filter(|write| write.at < limit) else { return };
+        let landing = match what {
+            What::LoadRun(index) => self.landing_on_run(index, limit),
+            What::LoadPulse(pulse) => self.landing_on_pulse(pulse, limit),
+            What::Hold(_) | What::Fire(_) => None,
+        };
+        let Some(landing) = landing.filter(|landing| landing.at > at) else { return };
+        let made = self.schedule.pulses_by(landing.at);
+        let since = landing.at - self.schedule.tick_of(made);
+        let left = self.period(made + 1) + 1 - since;
+        let steps = made - self.steps(board).0;
+        let left = u32::try_from(left).ok().and_then(NonZeroU32::new).filter(|_| since > 0);
+        if let (Some(left), Some(count)) = (left, count(landing.period)) {
+            board.leap(self.start + Ticks(landing.at), steps, left, count);
+            self.write = landing.then;
+        }
+    }
+
+    /// The last count of the plan that is written before `limit`.
+    fn landing_on_run(&self, index: usize, limit: u64) -> Option<Landing> {
+        let runs = self.schedule.own_plan()?.runs();
+        let begun = index + runs[index..].partition_point(|run| run.start < limit);
+        let is_written = |run: &Run| run.written.is_some_and(|written| written < limit);
+        let last = (index + 1..runs.len().min(begun + 1)).rev().find(|last| is_written(&runs[*last]))?;
+        let at = runs[last].written?;
+        Some(Landing { at, period: runs[last].period.into(), then: self.write_run_after(last, at) })
+    }
+
+    /// The same for a share: the last pulse whose period's count is written before `limit`.
+    fn landing_on_pulse(&self, pulse: u32, limit: u64) -> Option<Landing> {
+        if !self.counts_all {
+            return None;
+        }
+        let begun = self.schedule.pulses_by(limit.checked_sub(REACTION.0 + 1)?);
+        let last = (begun + 2).min(self.schedule.total().0);
+        let at = self.schedule.tick_of(last.checked_sub(2)?) + REACTION.0;
+        (last > pulse).then(|| Landing { at, period: self.period(last), then: self.write_after(last, at) })
+    }
+
     /// Ends the movement as soon as `stop` allows.
     pub(super) fn stop(&mut self, table: &Table, stop: Stop, board: &mut Board, sink: &mut impl Sink) {
         let now = self.elapsed(board);
         let next = self.steps(board).0 + 1;
         let due = self.schedule.tick_of(next);
         self.schedule.stop(table, now, stop);
+        self.counts_all = self.schedule.longest_period() <= Count::LONGEST;
         self.look_at_phase(now);
         self.turn = self.schedule.turns_after(next - 1);
         if next > self.schedule.total().0 {

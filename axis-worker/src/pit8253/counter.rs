@@ -166,6 +166,16 @@ impl Counter {
         }
     }
 
+    /// Mode 2, gate high, binary: puts the counting element and the count register where clocks and writes that the caller
+    /// knows would have brought them, `left` pulses before a reload.
+    pub(super) fn leap_in_rate(&mut self, left: NonZeroU32, next: Count) {
+        debug_assert!(self.setup.mode == Mode::RateGenerator && self.gate);
+        self.count = self.setup.base.divisor(next.0);
+        (self.left, self.left_base) = (left.get(), self.setup.base);
+        self.stage = Stage::Counting;
+        self.out = self.left > 1;
+    }
+
     pub(super) fn clocks_until_falling(&self, nth: NonZeroU64) -> Option<u64> {
         if self.stage != Stage::Loading {
             return self.falling_without_load(nth.get());

@@ -113,6 +113,29 @@ impl Schedule {
         before + u64::from(self.plan.period(whole + 1)) * part / leg.own
     }
 
+    /// How many pulses come at or before `tick`.
+    #[must_use]
+    pub fn pulses_by(&self, tick: u64) -> u32 {
+        if self.is_plan {
+            return self.plan.pulses_by(tick);
+        }
+        let (mut come, mut later) = (0, self.total().0 + 1);
+        while come + 1 < later {
+            let middle = u32::midpoint(come, later);
+            if self.tick_of(middle) <= tick { come = middle } else { later = middle }
+        }
+        come
+    }
+
+    /// No period is longer, in ticks; those of a share may all be shorter than that.
+    #[must_use]
+    pub fn longest_period(&self) -> u64 {
+        let longest = self.plan.runs().iter().map(|run| u64::from(run.period)).max().unwrap_or(0);
+        let stretch = self.legs.iter().map(|leg| leg.lead.div_ceil(leg.own)).max().unwrap_or(1);
+        // Across a joint, a period has a part in each leg, and the legs in which the axis stands lie between.
+        if self.legs.len() > 1 { u64::MAX } else { longest * (stretch + 1) }
+    }
+
     /// The direction of pulse `pulse`, from 1.
     #[must_use]
     pub fn direction_of(&self, pulse: u32) -> Direction {

@@ -11,6 +11,7 @@ use supersigma_protocol::{
 use crate::{Card, Sink};
 
 mod faults;
+mod leaps;
 mod samples;
 
 /// Keeps everything that an axis brings forth.

@@ -11,11 +11,13 @@ use supersigma_protocol::{AxisNumber, Distance, Refusal};
 use super::asked::Asked;
 use super::exit::Exit;
 use super::{SetArgs, show};
-use crate::control::Description;
-use crate::executive::{Displacement, Failure, Operate, Outcome, Request};
+use crate::control::{Description, RecorderState, RecorderView};
+use crate::executive::{Displacement, Failure, Outcome, Request};
 
 /// How often `status --watch` looks.
 const WATCH: Duration = Duration::from_millis(250);
+/// A recorder that is further behind the bus than this is worth a word.
+const BEHIND_MS: u64 = 200;
 
 #[derive(Args)]
 pub(super) struct MoveArgs {
@@ -127,7 +129,7 @@ pub(super) struct StatusArgs {
     set: SetArgs,
     /// Which axes; all if none is named
     axes: Vec<String>,
-    /// One JSON object an axis
+    /// One JSON object an axis, and one of the recorder if no axis is named
     #[arg(long)]
     json: bool,
     /// Again and again, until Ctrl-C
@@ -152,7 +154,8 @@ pub(super) fn jog(args: &JogArgs) -> Result<(), Exit> {
     let position = states.first().and_then(|state| state.report?.position);
     let travel = asked.config.axis(axis).map(|axis| axis.travel.clone());
     let (Some(position), Some(travel)) = (position, travel) else {
-        return Err(Failure::Refused { axis, refusal: Refusal::NotOriginated }.into());
+        let failure = Failure::Refused { axis, refusal: Refusal::NotOriginated, at: None };
+        return Err(Exit::told(failure, &asked.knowledge));
     };
     let end = if args.direction == Way::Forward { travel.max } else { travel.min };
     let longest = i64::from(Distance::MAX.get());
@@ -197,11 +200,10 @@ pub(super) fn halt(args: &AxesArgs) -> Result<(), Exit> {
 
 pub(super) fn resume(args: &ResumeArgs) -> Result<(), Exit> {
     let mut asked = Asked::connect(&args.set)?;
-    match asked.client.operate(Request::Resume)? {
+    match asked.operate(Request::Resume)? {
         // Only programs waited; they tell of their movements themselves.
         Outcome::Moved(movements) if movements.is_empty() && !args.json => {
-            println!("the program goes on");
-            Ok(())
+            Ok(writeln!(io::stdout(), "the program goes on")?)
         }
         outcome => asked.tell_outcome(&outcome, args.json),
     }
@@ -233,6 +235,10 @@ pub(super) fn status(args: &StatusArgs) -> Result<(), Exit> {
             for state in &states {
                 show::print_json(&show::AxisView::new(state, &asked.config), &mut out)?;
             }
+            if args.axes.is_empty() {
+                let recorder = asked.client_description()?.recorder;
+                show::print_json(&serde_json::json!({ "recorder": recorder }), &mut out)?;
+            }
         } else {
             if args.watch {
                 show::redraw(&mut out)?;
@@ -254,13 +260,29 @@ pub(super) fn status(args: &StatusArgs) -> Result<(), Exit> {
 fn set_line(set: &Description, out: &mut dyn Write) -> io::Result<()> {
     writeln!(
         out,
-        "\nset {}: up {:.0} s, time scale {}, {} frames, {} lost, {} {}",
-        set.name,
-        set.up_s,
-        set.time_scale,
-        set.frames,
-        set.lost,
-        if set.recording { "log" } else { "NO LOG ANY MORE, was" },
-        set.log.display()
-    )
+        "\nset {}: up {:.0} s, time scale {}, {} frames, {} lost",
+        set.name, set.up_s, set.time_scale, set.frames, set.lost,
+    )?;
+    let RecorderView { state, log, parts, frames, lost, bytes, behind_ms, trouble } = &set.recorder;
+    let what = match (state, trouble) {
+        (RecorderState::Recording, None) => "log",
+        (RecorderState::DiskFull, _) => "DISK FULL, NO LOG ANY MORE, was",
+        (RecorderState::Recording | RecorderState::Stopped, _) => "NO LOG ANY MORE, was",
+    };
+    write!(out, "{what} {}", log.display())?;
+    if parts.len() > 1 {
+        write!(out, ", file {} of it", parts.len())?;
+    }
+    write!(out, ": {frames} frames, {}", show::size(*bytes))?;
+    if *lost > 0 {
+        write!(out, ", {lost} FRAMES ARE MISSING")?;
+    }
+    if *behind_ms > BEHIND_MS {
+        write!(out, ", {behind_ms} ms behind")?;
+    }
+    writeln!(out)?;
+    match trouble {
+        Some(trouble) => writeln!(out, "{}; nothing moves without a log\n{}", trouble.reason, trouble.advice),
+        None => Ok(()),
+    }
 }

@@ -1,6 +1,7 @@
 //! A set that is up, as the commands see it: connected, described, its axes known by name.
 
 use std::io::{self, BufWriter, Write};
+use std::sync::Arc;
 
 use miette::miette;
 use supersigma_config::{Config, choose};
@@ -28,6 +29,7 @@ pub(super) struct Asked {
     pub(super) client: Client,
     pub(super) description: Description,
     pub(super) config: Config,
+    pub(super) knowledge: Arc<Knowledge>,
 }
 
 impl Asked {
@@ -37,7 +39,9 @@ impl Asked {
         let description = client.describe()?;
         let config = Config::from_toml(&description.config, "the set's configuration")
             .map_err(|error| Failure::Control { reason: error.to_string() })?;
-        Ok(Self { client, description, config })
+        let knowledge =
+            Knowledge::new(config.clone()).map_err(|error| Failure::Control { reason: error.to_string() })?;
+        Ok(Self { client, description, config, knowledge })
     }
 
     pub(super) fn axis(&self, name: &str) -> Result<AxisNumber, Exit> {
@@ -55,15 +59,20 @@ impl Asked {
         names.iter().map(|name| self.axis(name)).collect()
     }
 
+    /// Carries out a request; what comes of a failure is told with the names of this set.
+    pub(super) fn operate(&mut self, request: Request) -> Result<Outcome, Exit> {
+        self.client.operate(request).map_err(|failure| Exit::told(failure, &self.knowledge))
+    }
+
     pub(super) fn axis_states(&mut self, request: Request) -> Result<Vec<AxisState>, Exit> {
-        match self.client.operate(request)? {
+        match self.operate(request)? {
             Outcome::Axes(states) => Ok(states),
             _ => Ok(vec![]),
         }
     }
 
     pub(super) fn word(&mut self, card: Address) -> Result<u16, Exit> {
-        match self.client.operate(Request::Digital { card })? {
+        match self.operate(Request::Digital { card })? {
             Outcome::Digital(word) => Ok(word),
             other => Err(Failure::Control { reason: format!("{other:?} is no digital word") }.into()),
         }
@@ -71,14 +80,13 @@ impl Asked {
 
     /// Carries out something that moves axes, and prints a line a movement.
     pub(super) fn moved(&mut self, request: Request, json: bool) -> Result<(), Exit> {
-        let outcome = self.client.operate(request)?;
+        let outcome = self.operate(request)?;
         self.tell_outcome(&outcome, json)
     }
 
     /// Prints a line a movement.
     pub(super) fn tell_outcome(&self, outcome: &Outcome, json: bool) -> Result<(), Exit> {
-        let knowledge = Knowledge::new(self.config.clone())
-            .map_err(|error| Failure::Control { reason: error.to_string() })?;
+        let knowledge = &self.knowledge;
         let mut out = BufWriter::new(io::stdout().lock());
         match outcome {
             Outcome::Moved(movements) => {
@@ -89,9 +97,9 @@ impl Asked {
                 }
                 for movement in movements {
                     if json {
-                        show::print_json(&show::MovementView::new(movement, &knowledge), &mut out)?;
+                        show::print_json(&show::MovementView::new(movement, knowledge), &mut out)?;
                     } else {
-                        writeln!(out, "{}", show::movement_line(movement, &knowledge))?;
+                        writeln!(out, "{}", show::movement_line(movement, knowledge))?;
                     }
                 }
             }

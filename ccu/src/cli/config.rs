@@ -1,27 +1,51 @@
 //! `ccu config`: is a file a good configuration, what is in force, and what may stand in one.
 
-use std::io::{self, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use clap::Subcommand;
-use supersigma_config::{Config, DEFAULT_TOML};
+use clap::{Args, Subcommand};
+use supersigma_config::{Config, DEFAULT_TOML, Origin, Source};
 
 use super::exit::Exit;
+use super::show;
 
 #[derive(Subcommand)]
 pub(super) enum ConfigCommand {
     /// Say whether a file is a good configuration
+    #[command(after_help = "Examples:\n  ccu config check cell.toml")]
     Check {
         /// The file
         file: PathBuf,
+        /// What is wrong, if anything, as a JSON object
+        #[arg(long)]
+        json: bool,
     },
     /// Print a configuration: the built-in set, or a file with all defaults written out
-    Show {
-        /// The file; the built-in set, with its comments, if none is named
-        file: Option<PathBuf>,
-    },
+    #[command(after_help = "\
+Examples:
+  ccu config show > cell.toml
+  ccu config show cell.toml
+  ccu config show --origin cell.toml
+  ccu config show --origin --json --config cell.toml")]
+    Show(ShowArgs),
     /// Print the JSON Schema of configurations, for editors
+    #[command(after_help = "Examples:\n  ccu config schema > supersigma.schema.json")]
     Schema,
+}
+
+#[derive(Args)]
+pub(super) struct ShowArgs {
+    /// The file; the built-in set, with its comments, if none is named
+    file: Option<PathBuf>,
+    /// The same as FILE, as other commands have it
+    #[arg(long, value_name = "FILE", conflicts_with = "file")]
+    config: Option<PathBuf>,
+    /// Every value in force, and where it comes from: file, line and column, or `default`
+    #[arg(long)]
+    origin: bool,
+    /// One JSON object a value
+    #[arg(long, requires = "origin")]
+    json: bool,
 }
 
 /// Reads a configuration, or takes the built-in set.
@@ -33,15 +57,52 @@ pub(super) fn load(file: Option<&Path>) -> Result<Config, Exit> {
 }
 
 pub(super) fn config(command: &ConfigCommand) -> Result<(), Exit> {
-    let mut out = io::stdout().lock();
+    let mut out = BufWriter::new(io::stdout().lock());
     match command {
-        ConfigCommand::Check { file } => {
+        ConfigCommand::Check { file, json } => {
             let config = load(Some(file))?;
-            writeln!(out, "{}: good, {} axes", file.display(), config.axes.len())?;
+            let count = config.axes.len();
+            if *json {
+                show::print_json(&serde_json::json!({ "file": file, "axes": count }), &mut out)?;
+            } else {
+                let axes = if count == 1 { "axis" } else { "axes" };
+                writeln!(out, "{}: good, {count} {axes}", file.display())?;
+            }
         }
-        ConfigCommand::Show { file: None } => out.write_all(DEFAULT_TOML.as_bytes())?,
-        ConfigCommand::Show { file } => out.write_all(load(file.as_deref())?.to_toml().as_bytes())?,
+        ConfigCommand::Show(args) => {
+            let file = args.file.as_deref().or(args.config.as_deref());
+            match file {
+                _ if args.origin => origins(file, args.json, &mut out)?,
+                None => out.write_all(DEFAULT_TOML.as_bytes())?,
+                Some(_) => out.write_all(load(file)?.to_toml().as_bytes())?,
+            }
+        }
         ConfigCommand::Schema => writeln!(out, "{:#}", Config::json_schema())?,
+    }
+    Ok(out.flush()?)
+}
+
+/// Every value in force with its origin, in columns, or an object a line.
+fn origins(file: Option<&Path>, json: bool, out: &mut dyn Write) -> Result<(), Exit> {
+    let origins = Config::origins(file).map_err(|error| Exit::with_code(2, error))?;
+    if json {
+        for Origin { key, value, source } in &origins {
+            let (text, line, column) = match source {
+                Source::Written { text, line, column } => (Some(text), Some(line), Some(column)),
+                Source::Default => (None, None, None),
+            };
+            let key = key.to_string();
+            let one = serde_json::json!({ "key": key, "value": value, "file": text, "line": line, "column": column });
+            show::print_json(&one, out)?;
+        }
+        return Ok(());
+    }
+    let rows: Vec<_> =
+        origins.iter().map(|one| (one.key.to_string(), one.value.to_string(), &one.source)).collect();
+    let widest = |width: fn(&(String, String, &Source)) -> usize| rows.iter().map(width).max().unwrap_or(0);
+    let (keys, values) = (widest(|row| row.0.len()), widest(|row| row.1.len()));
+    for (key, value, source) in &rows {
+        writeln!(out, "{key:<keys$}  {value:<values$}  {source}")?;
     }
     Ok(())
 }

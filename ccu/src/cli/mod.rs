@@ -5,12 +5,17 @@ mod ask;
 mod asked;
 mod config;
 mod exit;
+mod logs;
 mod panel;
+mod paper;
+mod plot;
 mod profile;
 mod replay;
 mod run;
+mod service;
 mod set;
 mod show;
+mod timing;
 mod word;
 
 use std::path::PathBuf;
@@ -18,7 +23,7 @@ use std::process::ExitCode;
 
 use axis_worker::clock::TimeScale;
 use axis_worker::worker::{self, WorkerArgs};
-use clap::{Args, Parser, Subcommand};
+use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use miette::IntoDiagnostic;
 
 use self::exit::Exit;
@@ -58,6 +63,7 @@ Examples:
   ccu up --name cell-2 --config cell-2.toml --log cell-2.mcap")]
     Up(set::UpArgs),
     /// Take a set down: axes stand, the log is finished, nothing is left
+    #[command(after_help = "Examples:\n  ccu down\n  ccu down --name cell-2")]
     Down(set::DownArgs),
     /// Run a program, on a set that is up or on one of its own
     #[command(after_help = "\
@@ -90,19 +96,27 @@ Examples:
     #[command(after_help = "Examples:\n  ccu origin\n  ccu origin left_x left_y")]
     Origin(ask::OriginArgs),
     /// Find the reference step of an axis
+    #[command(after_help = "Examples:\n  ccu reference left_x\n  ccu reference 1 --json")]
     Reference(ask::ReferenceArgs),
     /// Stop axes with the normal ramp; positions are kept
+    #[command(
+        after_help = "Examples:\n  ccu halt                            all axes\n  ccu halt left_x left_y"
+    )]
     Halt(ask::AxesArgs),
     /// Finish what was halted: the remaining steps, alone or on a line
+    #[command(after_help = "Examples:\n  ccu resume\n  ccu resume --json")]
     Resume(ask::ResumeArgs),
     /// Stop axes with the steep ramp and lock them; positions are kept
+    #[command(after_help = "Examples:\n  ccu brake                           all axes\n  ccu brake wrist")]
     Brake(ask::AxesArgs),
     /// Acknowledge alarms, so that axes may move again
+    #[command(after_help = "Examples:\n  ccu clear                           all axes\n  ccu clear left_x")]
     Clear(ask::AxesArgs),
     /// What the axes are doing
     #[command(after_help = "Examples:\n  ccu status\n  ccu status left_x --json\n  ccu status --watch")]
     Status(ask::StatusArgs),
     /// Show the digital inputs, or one of them
+    #[command(after_help = "Examples:\n  ccu input\n  ccu input guard_closed\n  ccu input --json")]
     Input(panel::InputArgs),
     /// Show the digital outputs, or switch one
     #[command(after_help = "Examples:\n  ccu output\n  ccu output left_gripper on\n  ccu output 3 off")]
@@ -136,9 +150,6 @@ Examples:
   ccu inject left_x lost-steps=40          the next 40 pulses do not reach the motor
   ccu inject left_x switch=open            the limit switch never closes (closed, free)")]
     Inject(panel::InjectArgs),
-    /// Show the frames of a log
-    #[command(after_help = "Examples:\n  ccu frames run.mcap\n  ccu frames run.mcap --axis left_x --json")]
-    Frames(FramesArgs),
     /// Show a log as it happened, verify it on fresh machines, or put its commands on a live bus again
     #[command(after_help = "\
 Examples:
@@ -150,6 +161,25 @@ Examples:
 
 Exit codes of --verify: 0 identical, 1 a difference, or something that cannot be verified, 2 no such log.")]
     Replay(replay::ReplayArgs),
+    /// Show the frames of a log
+    #[command(after_help = "\
+Examples:
+  ccu frames run.mcap
+  ccu frames run.mcap --axis left_x --json
+  ccu frames run.mcap --from 12.5 --to 13     the frames of half a second
+  ccu frames run.mcap --op move --csv         the Move commands and the answers to them, as a table")]
+    Frames(logs::FramesArgs),
+    /// Look at a log as a whole
+    #[command(subcommand)]
+    Log(logs::LogCommand),
+    /// Make a complete log of one that was cut or damaged
+    #[command(after_help = "\
+Everything that is whole is kept as it is, and nothing is made up. What was lost is told.
+
+Examples:
+  ccu recover run.mcap -o whole.mcap
+  ccu recover run.mcap -o whole.mcap --json")]
+    Recover(logs::RecoverArgs),
     /// The ramp table of an axis, or the pulses of one movement
     #[command(after_help = "\
 Examples:
@@ -157,9 +187,32 @@ Examples:
   ccu profile --steps 5184            a movement, planned and run on the machine
   ccu profile --steps 200 --method paper --json --pulses")]
     Profile(profile::ProfileArgs),
+    /// Draw what a log holds, or how a ramp is made, as SVG or PNG
+    #[command(after_help = "\
+Examples:
+  ccu plot run.mcap -o run.svg                  speed, position and sense points of what moved
+  ccu plot run.mcap -o run.png --axis left_x,left_y --from 2 --to 3.5
+  ccu plot run.mcap -o plane.svg --what plane   speed over position, with the limit zones
+  ccu plot run.mcap -o gantt.svg --what timing  movements and digital lines as bars
+  ccu plot --profile -o table.svg               the ramp table
+  ccu plot --profile --steps 5184 -o move.svg   one movement, and the curve behind it
+  ccu plot --profile --which speed -o fig10.svg --method paper
+
+A file that is there already is replaced.")]
+    Plot(plot::PlotArgs),
     /// Check, show and describe configurations
     #[command(subcommand)]
     Config(config::ConfigCommand),
+    /// Print the completions of a shell
+    #[command(after_help = "\
+Examples:
+  ccu completions bash > ~/.local/share/bash-completion/completions/ccu
+  ccu completions zsh > ~/.zfunc/_ccu
+  ccu completions fish > ~/.config/fish/completions/ccu.fish")]
+    Completions(paper::CompletionsArgs),
+    /// Print the manual page, or write those of all commands
+    #[command(after_help = "Examples:\n  ccu man > ccu.1\n  ccu man ~/.local/share/man/man1")]
+    Man(paper::ManArgs),
     /// One card's process; the daemon starts them
     #[command(hide = true)]
     AxisWorker(WorkerArgs),
@@ -185,30 +238,36 @@ struct StartArgs {
     /// The log; must not exist yet [default: a new file in ~/.local/state/supersigma]
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
+    /// Go on in another file when one is so long, or so old: 100MB, 2GB, 10min, 1h
+    #[arg(long, value_name = "SIZE|TIME")]
+    log_rotate: Option<set::LogRotate>,
     /// How many times faster than real time
     #[arg(long, value_name = "K", default_value_t = TimeScale::REAL)]
     time_scale: TimeScale,
-}
-
-#[derive(Args)]
-struct FramesArgs {
-    /// The log
-    log: PathBuf,
-    /// Only frames of, or to, this axis
-    #[arg(long)]
-    axis: Option<String>,
-    /// One JSON object a frame
-    #[arg(long)]
-    json: bool,
 }
 
 /// Runs the command that was typed.
 #[must_use]
 pub fn main() -> ExitCode {
     axis_worker::start_logging();
-    match Cli::parse().command.run() {
+    let parsed = Cli::command()
+        .try_get_matches()
+        .and_then(|matches| Ok((asks_for_json(&matches), Cli::from_arg_matches(&matches)?)));
+    let (json, cli) = match parsed {
+        Ok(parsed) => parsed,
+        Err(error) => return exit::usage(&error),
+    };
+    match cli.command.run() {
         Ok(()) => ExitCode::SUCCESS,
-        Err(exit) => exit.report(),
+        Err(exit) => exit.report(json),
+    }
+}
+
+/// Whether the innermost command that was typed has `--json`: then its failures are JSON too.
+fn asks_for_json(matches: &ArgMatches) -> bool {
+    match matches.subcommand() {
+        Some((_, inner)) => asks_for_json(inner),
+        None => matches.try_get_one::<bool>("json").ok().flatten().copied().unwrap_or(false),
     }
 }
 
@@ -233,26 +292,21 @@ impl Command {
             Self::Send(args) => panel::send(&args),
             Self::Word(args) => word::word(&args),
             Self::Inject(args) => panel::inject(&args),
-            Self::Frames(args) => frames(&args),
             Self::Replay(args) => replay::replay(&args),
+            Self::Frames(args) => logs::frames(&args),
+            Self::Log(command) => logs::log(&command),
+            Self::Recover(args) => logs::recover(&args),
             Self::Profile(args) => profile::profile(&args),
+            Self::Plot(args) => plot::plot(&args),
             Self::Config(command) => config::config(&command),
+            Self::Completions(args) => paper::completions(&args),
+            Self::Man(args) => paper::man(&args),
             Self::AxisWorker(args) => worker::run(&args).into_diagnostic().map_err(Exit::could_not),
-            Self::Recorder(args) => recorder::record(&args).map_err(Exit::could_not),
+            Self::Recorder(args) => match recorder::record(&args) {
+                Ok(true) => Ok(()),
+                Ok(false) => Err(Exit::silent(1)),
+                Err(report) => Err(Exit::could_not(report)),
+            },
         }
     }
-}
-
-fn frames(args: &FramesArgs) -> Result<(), Exit> {
-    let mut out = std::io::BufWriter::new(std::io::stdout().lock());
-    let counts = crate::log::frames(&args.log, args.axis.as_deref(), args.json, &mut out)
-        .into_diagnostic()
-        .map_err(Exit::wrong)?;
-    if counts.truncated {
-        eprintln!(
-            "the log ends in the middle of a record; the {} frames before that are shown",
-            counts.printed
-        );
-    }
-    Ok(())
 }

@@ -4,12 +4,12 @@ use std::io::{self, BufWriter, Write};
 
 use clap::{Args, ValueEnum};
 use miette::miette;
-use supersigma_protocol::{Address, CommandBytes, End, Fault, Report, Steps, Switch};
+use supersigma_protocol::{Address, CardKind, CommandBytes, End, Fault, Report, Steps, Switch};
 
 use super::asked::{Asked, unknown};
 use super::exit::Exit;
 use super::{SetArgs, show};
-use crate::executive::{Operate, Outcome, RawAnswer, Request};
+use crate::executive::{Failure, Outcome, RawAnswer, Request, advice};
 
 #[derive(Args)]
 pub(super) struct InputArgs {
@@ -107,7 +107,7 @@ pub(super) fn output(args: &OutputArgs) -> Result<(), Exit> {
     if let (Some(line), Some(level)) = (&args.line, args.level) {
         let lines = asked.config.digital.outputs.iter().map(|line| (line.bit, line.name.as_str()));
         let (bit, _) = find_line(lines, line, "output")?;
-        asked.client.operate(Request::Output { bit, on: level == Level::On })?;
+        asked.operate(Request::Output { bit, on: level == Level::On })?;
     }
     let word = asked.word(Address::DIGITAL_OUTPUT)?;
     let lines = asked.config.digital.outputs.iter().map(|line| (line.bit, line.name.as_str()));
@@ -150,7 +150,7 @@ pub(super) fn send(args: &SendArgs) -> Result<(), Exit> {
     let bytes =
         CommandBytes::try_from(args.bytes.clone()).map_err(|error| Exit::wrong(miette!("{error}")))?;
     let mut asked = Asked::connect(&args.set)?;
-    let Outcome::Answers(answers) = asked.client.operate(Request::Send { bytes })? else {
+    let Outcome::Answers(answers) = asked.operate(Request::Send { bytes })? else {
         return Ok(());
     };
     let mut out = BufWriter::new(io::stdout().lock());
@@ -164,9 +164,19 @@ pub(super) fn send(args: &SendArgs) -> Result<(), Exit> {
     out.flush()?;
     // Said to everyone, it is done if anybody has done it.
     let done = answers.iter().any(|answer| answer.result.is_ok());
-    match answers.iter().find_map(|answer| answer.result.err()) {
-        Some(refusal) if !done => Err(Exit::could_not(miette!("refused: {refusal}"))),
-        _ => Ok(()),
+    let refused = answers.iter().find_map(|answer| Some((answer.card, answer.result.err()?)));
+    match refused.filter(|_| !done) {
+        Some((Some(card), refusal)) => {
+            let failure = match card.kind() {
+                CardKind::Axis(axis) => Failure::Refused { axis, refusal, at: None },
+                _ => Failure::DigitalRefused { card, refusal },
+            };
+            Err(Exit::told(failure, &asked.knowledge))
+        }
+        Some((None, refusal)) => {
+            Err(Exit::could_not(miette!(help = advice::refusal(&refusal), "refused: {refusal}")))
+        }
+        None => Ok(()),
     }
 }
 

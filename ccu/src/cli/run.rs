@@ -18,7 +18,7 @@ use supersigma_protocol::Ticks;
 
 use super::asked::Asked;
 use super::exit::Exit;
-use super::{SetArgs, StartArgs, config, set, show};
+use super::{SetArgs, StartArgs, set, show, timing};
 use crate::control::{Client, DownReport};
 use crate::daemon::{Daemon, Options};
 use crate::dry::{DryError, DrySet, NoPulses, PulseCsv, PulseWriter};
@@ -49,6 +49,9 @@ pub(super) struct RunArgs {
     /// Write every pulse of a dry run: tick,axis,position
     #[arg(long, value_name = "FILE", requires = "dry_run")]
     pulses: Option<PathBuf>,
+    /// Draw a dry run, movements and digital lines as bars: .svg or .png
+    #[arg(long, value_name = "FILE", requires = "dry_run")]
+    plot: Option<PathBuf>,
     /// One JSON object a movement, print or summary
     #[arg(long)]
     json: bool,
@@ -56,7 +59,8 @@ pub(super) struct RunArgs {
 
 pub(super) fn run(args: &RunArgs) -> Result<(), Exit> {
     let (name, source) = source(args)?;
-    let program = Program::compile(&name, &source)?;
+    let program =
+        Program::compile(&name, &source).map_err(|error| Exit::with_code(error.exit_code(), error))?;
     if args.dry_run {
         return dry_run(args, &program, source);
     }
@@ -85,7 +89,8 @@ fn source(args: &RunArgs) -> Result<(String, String), Exit> {
 }
 
 fn dry_run(args: &RunArgs, program: &Program, source: String) -> Result<(), Exit> {
-    let config = config::load(args.start.config.as_deref())?;
+    args.plot.as_deref().map_or(Ok(()), timing::check_name)?;
+    let config = set::start_config(&args.start)?;
     let header = LogHeader {
         version: LogHeader::VERSION.to_owned(),
         set: args.set.name.to_string(),
@@ -100,7 +105,7 @@ fn dry_run(args: &RunArgs, program: &Program, source: String) -> Result<(), Exit
         None => {
             let set =
                 DrySet::new(Arc::clone(&knowledge), NoPulses, log).map_err(|error| dry_error(&error))?;
-            run_dry(args, program, knowledge, set).map(|_| ())
+            run_dry(args, program, &knowledge, set).map(|_| ())
         }
         Some(path) => {
             let cannot =
@@ -108,7 +113,7 @@ fn dry_run(args: &RunArgs, program: &Program, source: String) -> Result<(), Exit
             let file = File::create(path).map_err(cannot)?;
             let pulses = PulseCsv::new(BufWriter::new(file)).map_err(cannot)?;
             let set = DrySet::new(Arc::clone(&knowledge), pulses, log).map_err(|error| dry_error(&error))?;
-            run_dry(args, program, knowledge, set)?.finish().map_err(cannot)
+            run_dry(args, program, &knowledge, set)?.finish().map_err(cannot)
         }
     }
 }
@@ -116,25 +121,33 @@ fn dry_run(args: &RunArgs, program: &Program, source: String) -> Result<(), Exit
 fn run_dry<P: PulseWriter + Send + 'static>(
     args: &RunArgs,
     program: &Program,
-    knowledge: Arc<Knowledge>,
+    knowledge: &Arc<Knowledge>,
     set: DrySet<P>,
 ) -> Result<P, Exit> {
     let operator = Arc::new(Mutex::new(Executive::new(set)));
-    let teller = Teller::new(args.json, &knowledge);
+    let teller = Teller::new(args.json, knowledge);
     let totals = teller.totals();
-    let result = program.run(Arc::clone(&operator), knowledge, teller, &Limits::default());
+    let result = program.run(Arc::clone(&operator), Arc::clone(knowledge), teller, &Limits::default());
     let executive =
         Arc::into_inner(operator).ok_or_else(|| Exit::could_not(miette!("the dry set is still held")))?;
     let set = executive.into_inner().unwrap_or_else(PoisonError::into_inner).into_link();
+    let timing = set.timing();
     let elapsed = set.elapsed();
     let log = args.start.log.as_ref();
     let (pulses, summary) = set.finish().map_err(|error| dry_error(&error))?;
-    result?;
+    // How far a program came that failed is worth seeing, too.
+    timing::tell(&timing, &knowledge.config, args.json)?;
+    if let Some(path) = &args.plot {
+        timing::draw(&timing, &knowledge.config, program.name(), path)?;
+    }
+    result.map_err(|error| Exit::of_program(error, knowledge))?;
     let log = log.zip(summary).map(|(path, summary)| DownReport {
         log: path.clone(),
         sent: summary.frames,
         logged: Some(summary.frames),
+        lost: Some(summary.lost),
         bytes: Some(summary.bytes),
+        parts: summary.parts,
     });
     tell_summary(args.json, &totals, elapsed, log.as_ref())?;
     Ok(pulses)
@@ -144,19 +157,24 @@ fn on_a_set_that_is_up(args: &RunArgs, program: &Program) -> Result<(), Exit> {
     let start = &args.start;
     if start.config.is_some()
         || start.log.is_some()
+        || start.log_rotate.is_some()
         || start.time_scale != axis_worker::clock::TimeScale::REAL
     {
         let name = &args.set.name;
         return Err(Exit::wrong(miette!(
             help = format!("leave these options out, or take the set down first: `ccu down --name {name}`"),
-            "set {name} is up already; --config, --log and --time-scale are for a set that is started"
+            "set {name} is up already; --config, --log, --log-rotate and --time-scale are for a set that is started"
         )));
     }
     let asked = Asked::connect(&args.set)?;
     let scale = asked.description.time_scale;
-    let knowledge = knowledge(asked.config)?;
+    let knowledge = Arc::clone(&asked.knowledge);
+    let failed = |error| Exit::of_program(error, &knowledge);
     // The state of the set is not known here, so only what is wrong with the program itself counts.
-    rehearse(program, &knowledge)?.filter(|error| !error.is_robots_fault()).map_or(Ok(()), Err)?;
+    rehearse(program, &knowledge)?
+        .filter(|error| !error.is_robots_fault())
+        .map_or(Ok(()), Err)
+        .map_err(failed)?;
     let stop = Arc::new(AtomicBool::new(false));
     let hang_up = asked.client.hang_up()?;
     let runtime = set::runtime()?;
@@ -170,20 +188,19 @@ fn on_a_set_that_is_up(args: &RunArgs, program: &Program) -> Result<(), Exit> {
     });
     let teller = Teller::new(args.json, &knowledge);
     let (totals, began) = (teller.totals(), Instant::now());
-    program.run(
-        Arc::new(Mutex::new(asked.client.of_a_program())),
-        knowledge,
-        teller,
-        &Limits { operations: None, stop },
-    )?;
+    let client = Arc::new(Mutex::new(asked.client.of_a_program()));
+    let limits = Limits { operations: None, stop };
+    program.run(client, Arc::clone(&knowledge), teller, &limits).map_err(failed)?;
     tell_summary(args.json, &totals, machine_time(began, scale), None)
 }
 
 fn on_a_set_of_its_own(args: &RunArgs, home: &Home, program: &Program, source: String) -> Result<(), Exit> {
-    let config = config::load(args.start.config.as_deref())?;
+    let config = set::start_config(&args.start)?;
     let knowledge = knowledge(config.clone())?;
     // The set will be just switched on, as the rehearsed one: what the robot refuses there, it will refuse here.
-    rehearse(program, &knowledge)?.map_or(Ok(()), Err)?;
+    let known = Arc::clone(&knowledge);
+    let failed = |error| Exit::of_program(error, &known);
+    rehearse(program, &knowledge)?.map_or(Ok(()), Err).map_err(failed)?;
     let log = set::log_path(args.start.log.as_ref(), &args.set.name)?;
     let scale = args.start.time_scale;
     let options = Options { home: home.clone(), config, scale, log, script: Some(source) };
@@ -223,7 +240,7 @@ fn on_a_set_of_its_own(args: &RunArgs, home: &Home, program: &Program, source: S
                 if !args.json {
                     let _ = set::down_line(&report, &mut io::stderr());
                 }
-                Err(error.into())
+                Err(failed(error))
             }
         }
     })
@@ -330,7 +347,9 @@ fn tell_summary(
             "seconds": elapsed.as_seconds(),
             "frames_sent": log.map(|log| log.sent),
             "frames_logged": log.and_then(|log| log.logged),
+            "frames_lost": log.and_then(|log| log.lost),
             "log": log.map(|log| &log.log),
+            "log_parts": log.map(|log| &log.parts),
         });
         show::print_json(&serde_json::json!({ "summary": summary }), &mut out)?;
         return Ok(());
@@ -359,11 +378,5 @@ fn dry_error(error: &DryError) -> Exit {
         // As `ccu up` and a run on a set have it.
         DryError::Log(LogError::Exists { .. }) => Exit::wrong(miette!("{error}")),
         _ => Exit::could_not(miette!("{error}")),
-    }
-}
-
-impl From<ScriptError> for Exit {
-    fn from(error: ScriptError) -> Self {
-        Self::with_code(error.exit_code(), error)
     }
 }

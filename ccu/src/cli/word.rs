@@ -2,6 +2,7 @@
 //! meaning becomes a request to the set, and is shown.
 
 use std::io::{self, Write};
+use std::sync::Arc;
 
 use axis_worker::ramp::Table;
 use clap::Args;
@@ -13,7 +14,7 @@ use supersigma_protocol::{AxisNumber, AxisReport, Direction};
 use super::asked::Asked;
 use super::exit::Exit;
 use super::{SetArgs, show};
-use crate::executive::{AxisState, Displacement, Failure, Knowledge, Operate, Request};
+use crate::executive::{AxisState, Displacement, Request};
 
 #[derive(Args)]
 pub(super) struct WordArgs {
@@ -43,13 +44,12 @@ pub(super) fn word(args: &WordArgs) -> Result<(), Exit> {
     };
     let mut asked = Asked::connect(&args.set)?;
     let axis = asked.axis(&args.axis)?;
-    let knowledge = Knowledge::new(asked.config.clone())
-        .map_err(|error| Failure::Control { reason: error.to_string() })?;
+    let knowledge = Arc::clone(&asked.knowledge);
     let table = knowledge.table(axis)?;
     if let Some(given) = given.as_ref().filter(|_| !args.json) {
         given.show(axis, table, &mut io::stdout().lock())?;
     }
-    let result = given.as_ref().map(|given| asked.client.operate(given.request(axis, table)));
+    let result = given.as_ref().map(|given| asked.operate(given.request(axis, table)));
     let failure = result.and_then(Result::err);
     // R tells the state of the axis, whatever has become of the motion.
     match asked.axis_states(Request::Status { axes: vec![axis] }) {
@@ -66,7 +66,7 @@ pub(super) fn word(args: &WordArgs) -> Result<(), Exit> {
         Err(exit) if failure.is_none() => return Err(exit),
         Err(_) => {}
     }
-    failure.map_or(Ok(()), |failure| Err(failure.into()))
+    failure.map_or(Ok(()), Err)
 }
 
 /// U and V, and what they mean.

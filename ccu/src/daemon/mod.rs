@@ -13,6 +13,7 @@
 mod exchange;
 mod process;
 pub mod recorder;
+mod recording;
 mod server;
 
 use std::ffi::OsString;
@@ -34,9 +35,11 @@ use tokio::sync::{Notify, watch};
 
 use self::exchange::Exchange;
 use self::process::Process;
+use self::recorder::{Cause, Said};
+use self::recording::{Ear, Recording};
 use self::server::Desk;
 use crate::control::{Description, DownReport};
-use crate::executive::{AxisState, Heard, Knowledge};
+use crate::executive::{AxisState, Heard, Knowledge, LogTrouble};
 use crate::home::{Home, HomeError, Occupied};
 use crate::log::{LogSummary, WallTime};
 
@@ -88,6 +91,10 @@ pub enum StartError {
         /// What the system said.
         source: io::Error,
     },
+    /// The log cannot be begun.
+    #[error("{}", .0.reason)]
+    #[diagnostic(help("{}", .0.advice))]
+    NoLog(LogTrouble),
     /// The recorder did not come to life.
     #[error("the recorder did not come to life")]
     #[diagnostic(help("what it said stands above; the log was to be {}", log.display()))]
@@ -108,7 +115,7 @@ pub struct Daemon {
     bus: SharedBus,
     exchange: Arc<Exchange>,
     listening: JoinHandle<()>,
-    recorder: Process,
+    recorder: Recorder,
     workers: Vec<Process>,
     /// Once set, processes end because they shall.
     leaving: Arc<AtomicBool>,
@@ -161,7 +168,7 @@ impl Daemon {
             }
         };
         let desk = Arc::new(Desk {
-            describe: Box::new(describer(&home, &exchange, scale, &log)),
+            describe: Box::new(describer(&home, &exchange, scale, &log, &recorder.recording)),
             exchange: Arc::clone(&exchange),
             down: Notify::new(),
             report: watch::Sender::new(None),
@@ -211,9 +218,9 @@ impl Daemon {
         let heard = self.exchange.subscribe();
         let everybody_left = || self.exchange.cards().values().all(|life| !life.alive);
         wait_for(&heard, END, everybody_left);
-        self.recorder.let_go();
-        let summary = self.recorder.line(END).and_then(|line| serde_json::from_str::<LogSummary>(&line).ok());
-        self.recorder.finish(END);
+        self.recorder.process.let_go();
+        let summary = self.recorder.last_words.recv_timeout(END).ok();
+        self.recorder.process.finish(END);
         for worker in &mut self.workers {
             worker.let_go();
         }
@@ -227,7 +234,9 @@ impl Daemon {
             log: self.log,
             sent: counts.commands + counts.answers + counts.lost,
             logged: summary.as_ref().map(|summary| summary.frames),
-            bytes: summary.map(|summary| summary.bytes),
+            lost: summary.as_ref().map(|summary| summary.lost),
+            bytes: summary.as_ref().map(|summary| summary.bytes),
+            parts: summary.map_or_else(|| self.recorder.recording.view().parts, |summary| summary.parts),
         };
         self.serving.abort();
         drop(self.bus);
@@ -273,6 +282,13 @@ fn wait_for(heard: &std::sync::mpsc::Receiver<Heard>, limit: Duration, holds: im
     true
 }
 
+/// The recorder's process, and what it says.
+struct Recorder {
+    process: Process,
+    recording: Recording,
+    last_words: std::sync::mpsc::Receiver<LogSummary>,
+}
+
 /// What is needed to bring processes to life.
 struct Births<'a> {
     home: &'a Home,
@@ -292,7 +308,7 @@ impl Births<'_> {
         arguments
     }
 
-    fn recorder(&self, wall_epoch: WallTime, log: &Path, script: bool) -> Result<Process, StartError> {
+    fn recorder(&self, wall_epoch: WallTime, log: &Path, script: bool) -> Result<Recorder, StartError> {
         let mut arguments = self.common("recorder");
         let mut option = |name: &str, value: OsString| arguments.extend([name.into(), value]);
         option("--set", self.home.name().to_string().into());
@@ -301,18 +317,35 @@ impl Births<'_> {
         if script {
             option("--script", self.home.script().into());
         }
-        let (exchange, leaving) = (Arc::clone(self.exchange), Arc::clone(self.leaving));
-        let recorder = Process::start(arguments, move |status| {
-            if !leaving.load(Ordering::Acquire) {
-                tracing::error!(%status, "the recorder has ended; all axes brake");
-                exchange.no_log();
+        let cannot = |source| StartError::Io { what: "start the recorder", source };
+        let (told, ended) = std::sync::mpsc::channel();
+        // Whoever has its last words asks for the status; before that, nobody may.
+        let tell = move |status| {
+            let _ = told.send(status);
+        };
+        let mut process = Process::start(arguments, tell).map_err(cannot)?;
+        let first = process.line(BIRTH).and_then(|line| serde_json::from_str(&line).ok());
+        match first {
+            Some(Said::Ready) => {}
+            Some(Said::Failed { cause: Cause::Exists, .. }) => {
+                return Err(StartError::LogExists(log.to_owned()));
             }
-        });
-        let recorder = recorder.map_err(|source| StartError::Io { what: "start the recorder", source })?;
-        match recorder.line(BIRTH) {
-            Some(line) if line == recorder::READY => Ok(recorder),
-            _ => Err(StartError::NoRecorder { log: log.to_owned() }),
+            Some(Said::Failed { trouble, .. }) => return Err(StartError::NoLog(trouble)),
+            Some(Said::Status(_) | Said::Done(_)) | None => {
+                return Err(StartError::NoRecorder { log: log.to_owned() });
+            }
         }
+        let recording = Recording::new(log);
+        let (exchange, leaving) = (Arc::clone(self.exchange), Arc::clone(self.leaving));
+        let ear = Ear {
+            lines: process.take_lines(),
+            ended,
+            on_loss: exchange.knowledge().config.log.on_loss,
+            no_log: Box::new(move |trouble| exchange.no_log(trouble)),
+            leaving: Box::new(move || leaving.load(Ordering::Acquire)),
+        };
+        let last_words = recording.listen(ear).map_err(cannot)?;
+        Ok(Recorder { process, recording, last_words })
     }
 
     /// Starts all cards at once, and waits until all have joined.
@@ -357,8 +390,10 @@ fn describer(
     exchange: &Arc<Exchange>,
     scale: TimeScale,
     log: &Path,
+    recording: &Recording,
 ) -> impl Fn() -> Description + Send + Sync + use<> {
     let (name, log, exchange) = (home.name().to_string(), log.to_owned(), Arc::clone(exchange));
+    let recording = recording.clone();
     let since = Instant::now();
     move || {
         let cards = exchange.cards();
@@ -389,7 +424,7 @@ fn describer(
                 .map_or_else(Vec::new, |_| vec![Address::DIGITAL_INPUT, Address::DIGITAL_OUTPUT]),
             frames: counts.commands + counts.answers,
             lost: counts.lost,
-            recording: !exchange.is_without_log(),
+            recorder: recording.view(),
         }
     }
 }

@@ -63,6 +63,11 @@ impl Process {
         self.lines.recv_timeout(limit).ok()
     }
 
+    /// All lines of output that are still to come.
+    pub(super) fn take_lines(&mut self) -> Receiver<String> {
+        std::mem::replace(&mut self.lines, mpsc::channel().1)
+    }
+
     /// Asks it, over the lifeline, to say that it leaves.
     pub(super) fn ask_to_leave(&mut self) {
         if let Some(lifeline) = &mut self.lifeline {

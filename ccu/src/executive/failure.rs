@@ -1,24 +1,31 @@
-//! Why something did not come about, what to do about it, and with which exit code a command ends.
+//! Why something did not come about, how that is told, and with which exit code a command ends. What to do about it is in
+//! [`advice`].
+
+use std::fmt;
 
 use miette::Diagnostic;
 use serde::{Deserialize, Serialize};
-use supersigma_protocol::{Address, Alarm, AxisNumber, Position, Refusal, Steps};
+use serde_json::Value;
+use supersigma_protocol::{Address, Alarm, AxisNumber, CardKind, Position, Refusal, Steps, Tick};
+
+use super::advice;
+use super::link::Knowledge;
 
 /// Why something did not come about.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, thiserror::Error, Diagnostic)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Failure {
     /// A card refused.
-    #[error("{axis} refused: {refusal}")]
-    #[diagnostic(help("{}", advice(refusal)))]
     Refused {
         /// The axis.
         axis: AxisNumber,
         /// Its reason.
         refusal: Refusal,
+        /// When the card refused; `None` if it was not asked, because the answer was known.
+        #[serde(default)]
+        at: Option<Tick>,
     },
     /// A digital card refused.
-    #[error("{card} refused: {refusal}")]
     DigitalRefused {
         /// The card.
         card: Address,
@@ -26,8 +33,6 @@ pub enum Failure {
         refusal: Refusal,
     },
     /// An alarm ended the movement.
-    #[error("{axis} is in alarm: {alarm}; {done} steps done, {}", place(*position))]
-    #[diagnostic(help("look at the axis, then `ccu clear`; {}", if position.is_some() { "its position is kept" } else { "originate it, its position is lost" }))]
     Alarm {
         /// The axis.
         axis: AxisNumber,
@@ -37,10 +42,11 @@ pub enum Failure {
         done: Steps,
         /// Where it stands.
         position: Option<Position>,
+        /// The tick of the report that says so.
+        #[serde(default)]
+        at: Option<Tick>,
     },
     /// Somebody stopped the movement.
-    #[error("{axis} was stopped after {done} steps, {}", place(*position))]
-    #[diagnostic(help("{}", if position.is_some() { "`ccu resume` makes the remaining steps" } else { "originate it, its position is lost" }))]
     Stopped {
         /// The axis.
         axis: AxisNumber,
@@ -48,10 +54,11 @@ pub enum Failure {
         done: Steps,
         /// Where it stands.
         position: Option<Position>,
+        /// The tick of the report that says so.
+        #[serde(default)]
+        at: Option<Tick>,
     },
     /// The card did not answer in time.
-    #[error("{card} did not answer within {milliseconds} ms")]
-    #[diagnostic(help("see `ccu status`; if the card's process hangs, take the set down and up again"))]
     NoAnswer {
         /// The card.
         card: Address,
@@ -59,8 +66,6 @@ pub enum Failure {
         milliseconds: u32,
     },
     /// The movement did not end when it should have.
-    #[error("{axis} is overdue: its movement should have ended {milliseconds} ms ago; {done} steps done")]
-    #[diagnostic(help("the machine may be too busy; raise `executive.overdue_ms`, or lower the time scale"))]
     Overdue {
         /// The axis.
         axis: AxisNumber,
@@ -68,12 +73,11 @@ pub enum Failure {
         milliseconds: u32,
         /// Pulses made.
         done: Steps,
+        /// When it was given up.
+        #[serde(default)]
+        at: Option<Tick>,
     },
     /// Nothing that the executive tried has helped.
-    #[error("{axis} does not get there: {reason}; the executive {tried}")]
-    #[diagnostic(help(
-        "look at the axis; nothing moves it until it is cleared (`ccu clear`) and originated (`ccu origin`)"
-    ))]
     GaveUp {
         /// The axis.
         axis: AxisNumber,
@@ -92,25 +96,18 @@ pub enum Failure {
         milliseconds: u32,
     },
     /// A line could not be started on all axes in time.
-    #[error("the line was not started: {axis} did not confirm the start in time; nobody moved")]
-    #[diagnostic(help("raise `line.lead_ms`"))]
     NotConfirmed {
         /// The axis.
         axis: AxisNumber,
     },
     /// The process that plays the card is gone.
-    #[error("the worker of {card} is gone")]
-    #[diagnostic(help("take the set down and up again"))]
     WorkerGone {
         /// The card.
         card: Address,
     },
-    /// The recorder is gone.
-    #[error("the recorder is gone, and nothing moves without a log")]
-    #[diagnostic(help("look at the free space where the log is, then take the set down and up again"))]
-    NoLog,
+    /// There is no log any more.
+    NoLog(LogTrouble),
     /// Frames were lost between cards and CCU.
-    #[error("{lost} frames of {card} were lost on the bus")]
     FramesLost {
         /// The sender.
         card: Address,
@@ -118,30 +115,22 @@ pub enum Failure {
         lost: u64,
     },
     /// Whoever asked does not want it any more.
-    #[error("interrupted; what was moving has been halted")]
     Cancelled,
     /// The set is being taken down.
-    #[error("the set is going down")]
     GoingDown,
     /// No such axis in this set.
-    #[error("this set has no {axis}")]
     NoSuchAxis {
         /// The axis.
         axis: AxisNumber,
     },
     /// A movement that one command cannot ask for.
-    #[error("{steps} steps are too many for one movement (at most 65535)")]
-    #[diagnostic(help("make it in parts"))]
     TooFar {
         /// What was asked.
         steps: i64,
     },
     /// A line of nothing.
-    #[error("no axis of the line has any steps to make")]
     EmptyLine,
     /// A line of axes that accelerate differently.
-    #[error("{one} and {other} have different ramps, so they cannot go on a line together")]
-    #[diagnostic(help("give them the same ramp in the configuration"))]
     DifferentRamps {
         /// An axis.
         one: AxisNumber,
@@ -149,16 +138,13 @@ pub enum Failure {
         other: AxisNumber,
     },
     /// Nothing was halted.
-    #[error("nothing was halted that could be resumed")]
     NothingToResume,
     /// An axis was moved since it was halted.
-    #[error("{axis} has been moved since it was halted, so the rest of its movement makes no sense")]
     MovedMeanwhile {
         /// The axis.
         axis: AxisNumber,
     },
     /// A speed that the axis' ramp does not have.
-    #[error("{axis} cannot run at {asked} steps/s; its ramp goes from {slowest:.1} to {fastest:.1}")]
     SpeedOutOfRange {
         /// The axis.
         axis: AxisNumber,
@@ -170,31 +156,34 @@ pub enum Failure {
         fastest: f64,
     },
     /// The carrier of the frames failed.
-    #[error("the bus failed: {reason}")]
     BusGone {
         /// What it said.
         reason: String,
     },
     /// The pulses of a dry run could not be written.
-    #[error("cannot write the pulses: {reason}")]
     Pulses {
         /// What the system said.
         reason: String,
     },
     /// Nobody at the other end of the control socket.
-    #[error("no set named {name:?} is up")]
-    #[diagnostic(help("start one with `ccu up --name {name}`"))]
     NoSet {
         /// The set.
         name: String,
     },
     /// The other end of the control socket does not speak our language.
-    #[error("the set's daemon is gone or speaks another version: {reason}")]
-    #[diagnostic(help("take the set down with the version that started it"))]
     Control {
         /// What happened.
         reason: String,
     },
+}
+
+/// Why there is no log, or none any more.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct LogTrouble {
+    /// What happened, to which file, and how much is in it.
+    pub reason: String,
+    /// What to do.
+    pub advice: String,
 }
 
 impl Failure {
@@ -211,21 +200,165 @@ impl Failure {
             _ => 1,
         }
     }
+
+    /// What it is called, on the control socket, in scripts and in JSON.
+    #[must_use]
+    pub fn kind(&self) -> String {
+        match serde_json::to_value(self) {
+            Ok(Value::String(kind)) => kind,
+            Ok(Value::Object(fields)) => fields.into_iter().next().map_or_else(String::new, |(kind, _)| kind),
+            _ => String::new(),
+        }
+    }
+
+    /// The axis that it concerns, if that is one.
+    #[must_use]
+    pub fn axis(&self) -> Option<AxisNumber> {
+        match self {
+            Self::Refused { axis, .. }
+            | Self::Alarm { axis, .. }
+            | Self::Stopped { axis, .. }
+            | Self::Overdue { axis, .. }
+            | Self::GaveUp { axis, .. }
+            | Self::NotConfirmed { axis }
+            | Self::NoSuchAxis { axis }
+            | Self::MovedMeanwhile { axis }
+            | Self::SpeedOutOfRange { axis, .. } => Some(*axis),
+            Self::DigitalRefused { card, .. }
+            | Self::NoAnswer { card, .. }
+            | Self::WorkerGone { card }
+            | Self::FramesLost { card, .. } => match card.kind() {
+                CardKind::Axis(axis) => Some(axis),
+                _ => None,
+            },
+            _ => None,
+        }
+    }
+
+    /// When it happened, in machine time, if a card has said so.
+    #[must_use]
+    pub fn at(&self) -> Option<Tick> {
+        match self {
+            Self::Refused { at, .. }
+            | Self::Alarm { at, .. }
+            | Self::Stopped { at, .. }
+            | Self::Overdue { at, .. } => *at,
+            _ => None,
+        }
+    }
+
+    /// The message, in which axes have the names of this set, and with the machine time.
+    #[must_use]
+    pub fn told(&self, knowledge: &Knowledge) -> String {
+        let mut text = String::new();
+        let named = |axis: AxisNumber| knowledge.number_and_name(axis);
+        let time =
+            self.at().map_or_else(String::new, |at| format!(" at {:.7} s", at.since(Tick(0)).as_seconds()));
+        // Writing into a string cannot fail.
+        let _ = self.tell(&mut text, &named, &time);
+        text
+    }
+
+    /// Which axis, by number and name, and when, in machine time: what a message without them leaves open.
+    #[must_use]
+    pub fn whom_and_when(&self, knowledge: &Knowledge) -> Option<String> {
+        let whom = knowledge.number_and_name(self.axis()?);
+        Some(match self.at() {
+            Some(at) => format!("{whom}, at {:.7} s of machine time", at.since(Tick(0)).as_seconds()),
+            None => whom,
+        })
+    }
+
+    /// `time`, if it is not empty, begins with a space.
+    fn tell(&self, f: &mut dyn fmt::Write, name: &dyn Fn(AxisNumber) -> String, time: &str) -> fmt::Result {
+        let card_name = |card: &Address| match card.kind() {
+            CardKind::Axis(axis) => name(axis),
+            _ => card.to_string(),
+        };
+        match self {
+            Self::Refused { axis, refusal, .. } => write!(f, "{} refused{time}: {refusal}", name(*axis)),
+            Self::DigitalRefused { card, refusal } => write!(f, "{} refused: {refusal}", card_name(card)),
+            Self::Alarm { axis, alarm, done, position, .. } => {
+                write!(
+                    f,
+                    "{} is in alarm{time}: {alarm}; {done} steps done, {}",
+                    name(*axis),
+                    place(*position)
+                )
+            }
+            Self::Stopped { axis, done, position, .. } => {
+                write!(f, "{} was stopped{time} after {done} steps, {}", name(*axis), place(*position))
+            }
+            Self::NoAnswer { card, milliseconds } => {
+                write!(f, "{} did not answer within {milliseconds} ms", card_name(card))
+            }
+            Self::Overdue { axis, milliseconds, done, .. } => write!(
+                f,
+                "{} is overdue{time}: its movement should have ended {milliseconds} ms ago; {done} steps done",
+                name(*axis)
+            ),
+            Self::GaveUp { axis, reason, tried } => {
+                write!(f, "{} does not get there: {reason}; the executive {tried}", name(*axis))
+            }
+            Self::NotConfirmed { axis } => write!(
+                f,
+                "the line was not started: {} did not confirm the start in time; nobody moved",
+                name(*axis)
+            ),
+            Self::WorkerGone { card } => write!(f, "the worker of {} is gone", card_name(card)),
+            Self::NoLog(trouble) => write!(f, "{}; nothing moves without a log", trouble.reason),
+            Self::FramesLost { card, lost } => {
+                write!(f, "{lost} frames of {} were lost on the bus", card_name(card))
+            }
+            Self::Cancelled => f.write_str("interrupted; what was moving has been halted"),
+            Self::GoingDown => f.write_str("the set is going down"),
+            Self::NoSuchAxis { axis } => write!(f, "this set has no {axis}"),
+            Self::TooFar { steps } => {
+                write!(f, "{steps} steps are too many for one movement (at most 65535)")
+            }
+            Self::EmptyLine => f.write_str("no axis of the line has any steps to make"),
+            Self::DifferentRamps { one, other } => write!(
+                f,
+                "{} and {} have different ramps, so they cannot go on a line together",
+                name(*one),
+                name(*other)
+            ),
+            Self::NothingToResume => f.write_str("nothing was halted that could be resumed"),
+            Self::MovedMeanwhile { axis } => write!(
+                f,
+                "{} has been moved since it was halted, so the rest of its movement makes no sense",
+                name(*axis)
+            ),
+            Self::SpeedOutOfRange { axis, asked, slowest, fastest } => write!(
+                f,
+                "{} cannot run at {asked} steps/s; its ramp goes from {slowest:.1} to {fastest:.1}",
+                name(*axis)
+            ),
+            Self::BusGone { reason } => write!(f, "the bus failed: {reason}"),
+            Self::Pulses { reason } => write!(f, "cannot write the pulses: {reason}"),
+            Self::NoSet { name } => write!(f, "no set named {name:?} is up"),
+            Self::Control { reason } => {
+                write!(f, "the set's daemon is gone or speaks another version: {reason}")
+            }
+        }
+    }
+}
+
+/// Without names: whoever knows the set has [`told`](Failure::told).
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.tell(f, &|axis| axis.to_string(), "")
+    }
+}
+
+impl std::error::Error for Failure {}
+
+impl Diagnostic for Failure {
+    fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
+        Some(Box::new(advice::failure(self)))
+    }
 }
 
 fn place(position: Option<Position>) -> String {
     position.map_or_else(|| "position unknown".into(), |position| format!("at {position}"))
-}
-
-/// What to do about a refusal.
-fn advice(refusal: &Refusal) -> &'static str {
-    match refusal {
-        Refusal::NotOriginated => "originate the axis first: `ccu origin`",
-        Refusal::InAlarm => "look at the axis, then acknowledge the alarm: `ccu clear`",
-        Refusal::Moving => "wait until it stands (X4), or halt it first: `ccu halt`",
-        Refusal::OutOfTravel { .. } => "the permitted travel is in the configuration: `ccu config show`",
-        Refusal::Late { .. } => "raise `line.lead_ms` in the configuration",
-        Refusal::AtEnd { .. } => "move away from that end",
-        _ => "nothing has changed on the axis",
-    }
 }

@@ -3,6 +3,7 @@
 //! reads no clock but its [`Link`]'s; a live set and a dry run are driven by this very code.
 
 mod again;
+pub mod advice;
 mod failure;
 mod halted;
 mod link;
@@ -21,7 +22,7 @@ use supersigma_protocol::{
 };
 
 pub use again::{Again, Sent, Shift};
-pub use failure::Failure;
+pub use failure::{Failure, LogTrouble};
 pub use link::{Common, Heard, Knowledge, Link};
 pub use request::{
     AxisState, Displacement, Leg, Movement, MovementKind, Outcome, RawAnswer, Recovery, Remainder, Request,
@@ -266,9 +267,12 @@ impl<L: Link> Executive<L> {
                     if !overdue {
                         continue;
                     }
-                    let failure =
-                        Failure::Overdue { axis: next.axis, milliseconds: margin_ms, done: report.steps };
-                    return Err(failure);
+                    return Err(Failure::Overdue {
+                        axis: next.axis,
+                        milliseconds: margin_ms,
+                        done: report.steps,
+                        at: Some(answer.acted_at),
+                    });
                 }
                 self.heard.push(Heard::Answer(answer));
                 continue;
@@ -448,7 +452,7 @@ fn axis_report(answer: &Answer) -> Option<AxisReport> {
 
 fn refused(axis: AxisNumber, answer: &Answer) -> Result<(), Failure> {
     match answer.about {
-        About::Command(_, Err(refusal)) => Err(Failure::Refused { axis, refusal }),
+        About::Command(_, Err(refusal)) => Err(Failure::Refused { axis, refusal, at: Some(answer.acted_at) }),
         _ => Ok(()),
     }
 }
@@ -462,14 +466,14 @@ fn judge(one: &Underway, report: &AxisReport, acted_at: Tick) -> Result<Option<M
     let lost = lost.filter(|_| one.steps.is_none());
     let axis = one.axis;
     if let Some(alarm) = alarm {
-        return Err(Failure::Alarm { axis, alarm, done, position });
+        return Err(Failure::Alarm { axis, alarm, done, position, at: Some(acted_at) });
     }
     let complete = match one.steps {
         Some(steps) => u64::from(done.0) == steps,
         None => position.is_some(),
     };
     if !complete {
-        return Err(Failure::Stopped { axis, done, position });
+        return Err(Failure::Stopped { axis, done, position, at: Some(acted_at) });
     }
     let took = acted_at.since(one.start);
     Ok(Some(Movement {
@@ -491,7 +495,7 @@ fn bad_news(heard: Heard, underway: &[Underway]) -> Result<(), Failure> {
         Heard::WorkerGone(card) if underway.iter().any(|one| one.axis.address() == card) => {
             Err(Failure::WorkerGone { card })
         }
-        Heard::NoLog => Err(Failure::NoLog),
+        Heard::NoLog(trouble) => Err(Failure::NoLog((*trouble).clone())),
         Heard::FramesLost(card, lost) => Err(Failure::FramesLost { card, lost }),
         Heard::GoingDown => Err(Failure::GoingDown),
         Heard::WorkerGone(_) | Heard::Answer(_) | Heard::Resume => Ok(()),

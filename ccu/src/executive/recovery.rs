@@ -36,14 +36,14 @@ impl<L: Link> Executive<L> {
             match self.attempt(how, axis, &step) {
                 Ok(movements) => return Ok(Outcome::Moved(movements)),
                 Err(Failure::Cancelled) => return Err(Failure::Cancelled),
-                Err(failure @ (Failure::BusGone { .. } | Failure::GoingDown | Failure::NoLog)) => {
+                Err(failure @ (Failure::BusGone { .. } | Failure::GoingDown | Failure::NoLog(_))) => {
                     return Err(failure);
                 }
                 Err(failure) => reason = failure,
             }
         }
         let tried = format!("{}, and {}", Recovery::TriedAgain, Recovery::SoughtReference);
-        Err(Failure::GaveUp { axis, reason: reason.to_string(), tried })
+        Err(Failure::GaveUp { axis, reason: reason.told(self.link.knowledge()), tried })
     }
 
     /// Brings all axes of the movement to a stand, and finds out where they should have gone.
@@ -78,6 +78,7 @@ impl<L: Link> Executive<L> {
                 axis: *axis,
                 done: report.steps,
                 position: None,
+                at: Some(self.link.now()),
             })?;
             let left = i64::from(target.deviation_from(position).0);
             if left != 0 {
@@ -91,7 +92,12 @@ impl<L: Link> Executive<L> {
         for (axis, target) in &step.targets {
             let report = self.stand(*axis)?;
             if report.position != Some(*target) {
-                return Err(Failure::Stopped { axis: *axis, done: report.steps, position: report.position });
+                return Err(Failure::Stopped {
+                    axis: *axis,
+                    done: report.steps,
+                    position: report.position,
+                    at: Some(self.link.now()),
+                });
             }
             let asked = step.asked.get(axis).copied();
             movements.push(Movement {

@@ -202,6 +202,8 @@ pub struct Verifier<'a> {
     cards: BTreeMap<Address, Seat>,
     ccu_tick: Tick,
     last_tick: Tick,
+    /// The twin that is being compared; kept to reuse its memory.
+    twin: Vec<u8>,
     found: Verification,
 }
 
@@ -222,6 +224,7 @@ impl<'a> Verifier<'a> {
             cards: BTreeMap::new(),
             ccu_tick: Tick(0),
             last_tick: Tick(0),
+            twin: Vec::new(),
             found: Verification::default(),
         }
     }
@@ -288,19 +291,20 @@ impl<'a> Verifier<'a> {
     }
 
     fn wrong_twin(
-        &self,
+        &mut self,
         frame: &Result<Frame, FrameError>,
         bytes: &[u8],
         recorded: Option<&[u8]>,
     ) -> Option<DifferenceKind> {
-        let due = frame.as_ref().ok().and_then(|frame| twin_of(frame, bytes, self.setting.names));
-        match (recorded, due) {
-            (None, None) => None,
-            (None, Some(_)) => Some(DifferenceKind::NoTwin),
-            (Some(recorded), Some(due)) if *recorded == *due => None,
-            (Some(recorded), due) => Some(DifferenceKind::Twin {
+        let (due, names) = (&mut self.twin, self.setting.names);
+        let has_one = frame.as_ref().is_ok_and(|frame| twin_of(frame, bytes, names, due));
+        match recorded {
+            None if has_one => Some(DifferenceKind::NoTwin),
+            None => None,
+            Some(recorded) if has_one && recorded == due.as_slice() => None,
+            Some(recorded) => Some(DifferenceKind::Twin {
                 recorded: String::from_utf8_lossy(recorded).into_owned(),
-                due: due.map(|due| String::from_utf8_lossy(&due).into_owned()),
+                due: has_one.then(|| String::from_utf8_lossy(due).into_owned()),
             }),
         }
     }

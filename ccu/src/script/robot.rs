@@ -317,14 +317,14 @@ impl Robot {
         }
         let nearest = i32::try_from(target).unwrap_or(if target < 0 { i32::MIN } else { i32::MAX });
         let refusal = Refusal::OutOfTravel { target: Position(nearest), min, max };
-        Err(self.trouble(Failure::Refused { axis, refusal }))
+        Err(self.trouble(Failure::Refused { axis, refusal, at: None }))
     }
 
     fn where_is(&mut self, axis: AxisNumber) -> Result<i64, Trouble> {
         let position = self.report(axis)?.position;
         position
             .map(|position| i64::from(position.0))
-            .ok_or_else(|| self.trouble(Failure::Refused { axis, refusal: Refusal::NotOriginated }))
+            .ok_or_else(|| self.trouble(Failure::Refused { axis, refusal: Refusal::NotOriginated, at: None }))
     }
 
     fn report(&mut self, axis: AxisNumber) -> Result<AxisReport, Trouble> {

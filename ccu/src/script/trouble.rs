@@ -2,7 +2,6 @@
 //! of, so that nothing is lost when nobody catches it.
 
 use rhai::{Dynamic, Engine, EvalAltResult, Position};
-use serde_json::Value;
 
 use crate::executive::{Failure, Knowledge};
 
@@ -42,13 +41,7 @@ impl Trouble {
     /// What it is called in scripts; a failure as it is called in JSON.
     pub(super) fn kind(&self) -> String {
         match self {
-            Self::Robot { failure, .. } => match serde_json::to_value(failure) {
-                Ok(Value::String(kind)) => kind,
-                Ok(Value::Object(fields)) => {
-                    fields.into_iter().next().map_or_else(String::new, |(kind, _)| kind)
-                }
-                _ => String::new(),
-            },
+            Self::Robot { failure, .. } => failure.kind(),
             Self::Timeout { .. } => "timeout".into(),
             Self::Wrong { .. } => "wrong_argument".into(),
             Self::Interrupted => "interrupted".into(),

@@ -12,7 +12,7 @@ fn texts_that_are_not_toml() {
     breaks(
         &axis_and("[log]\nflush_ms = 5\nflush_ms = 6\n"),
         "set.toml:8:1: log.flush_ms: this is not TOML: duplicate key",
-        "key = value",
+        "a key, or a table, is written once",
     );
     let (message, _) = messages("[ramp\n");
     assert!(message.starts_with("set.toml:1:6: ramp: this is not TOML: "), "{message}");
@@ -62,8 +62,8 @@ fn words_that_do_not_exist() {
 fn keys_that_are_missing() {
     breaks(
         "[log]\nflush_ms = 5\n",
-        "set.toml:1:1: axis: the key `axis` is missing",
-        "One to seven axes, each with its own address and name.",
+        "set.toml:1:1: axis: a set needs at least one axis",
+        "add an [[axis]] table",
     );
     breaks(
         &axis_with("length = 10000, ", ""),
@@ -107,7 +107,7 @@ fn values_of_another_type() {
     breaks(
         "axis = 7",
         "set.toml:1:8: axis: 7 stands where an array of tables is needed",
-        "One to seven axes",
+        "in double brackets",
     );
 }
 

@@ -16,7 +16,7 @@ use crate::cli::asked::unknown;
 use crate::cli::exit::Exit;
 use crate::cli::{set, show};
 use crate::executive::AxisState;
-use crate::log::{AxisNames, FrameView, LogReader, LoggedFrame, Lines, concerns};
+use crate::log::{AxisNames, FrameView, LogReader, LoggedFrame, Filter, Judge, Lines};
 
 /// The table is not drawn more often than this.
 const DRAWN: Duration = Duration::from_millis(100);
@@ -39,10 +39,12 @@ pub(super) fn show(args: &ReplayArgs) -> Result<(), Exit> {
     let stop = interrupted(&runtime)?;
     let bar = progress(args, *span.end())?;
     let speed = args.speed.unwrap_or(Speed::Times(TimeScale::REAL));
+    let judge = |axis: &AxisNumber| Filter { axis: Some(*axis), ..Filter::default() }.start(header.timeline);
+    let judges = axes.iter().map(judge).collect();
     let view: Box<dyn View> = if args.watch {
         Box::new(Table { config: &config, axes, states: BTreeMap::new(), now: Tick(0), drawn: None, stale: true })
     } else {
-        Box::new(Rows { json: args.json, lines: Lines::new(&names), names: &names, axes })
+        Box::new(Rows { json: args.json, lines: Lines::new(&names), names: &names, judges })
     };
     let mut player = Player { view, bar, stop, speed, began: None };
     player.bar.suspend(|| player.view.begin())?;
@@ -118,7 +120,8 @@ struct Rows<'a> {
     json: bool,
     lines: Lines,
     names: &'a AxisNames,
-    axes: Vec<AxisNumber>,
+    /// One an axis that was named.
+    judges: Vec<Judge>,
 }
 
 impl View for Rows<'_> {
@@ -129,9 +132,7 @@ impl View for Rows<'_> {
     fn pass(&mut self, _: &LoggedFrame) {}
 
     fn show(&mut self, logged: &LoggedFrame, _: Tick) -> io::Result<()> {
-        let concerned =
-            |axis: &AxisNumber| logged.frame.as_ref().is_ok_and(|frame| concerns(frame, *axis));
-        if !self.axes.is_empty() && !self.axes.iter().any(concerned) {
+        if !self.judges.is_empty() && !self.judges.iter_mut().any(|judge| judge.wants(logged)) {
             return Ok(());
         }
         let view = FrameView::new(&logged.bytes, logged.frame.as_ref(), self.names);
