@@ -13,8 +13,8 @@ use axis_worker::{AxisError, Card, Sink};
 use supersigma_protocol::bus::in_process::{InProcessBus, InProcessReceive, InProcessTap, InProcessTransmit};
 use supersigma_protocol::bus::{Bus, BusError, Receive, Tap, Transmit, Wake};
 use supersigma_protocol::{
-    About, Activity, Answer, AxisNumber, Body, Broadcast, Fault, Frame, Occasion, Position, Sender, Sequence, Tick,
-    Ticks,
+    About, Activity, Answer, AxisNumber, Body, Broadcast, Fault, Frame, Occasion, Position, Sender, Sequence,
+    Tick, Ticks,
 };
 
 use crate::executive::{Common, Failure, Heard, Knowledge, Link};

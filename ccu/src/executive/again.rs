@@ -131,10 +131,11 @@ impl<L: Link> Executive<L> {
 fn surprise(heard: Heard, known: &[(AxisNumber, Alarm)]) -> Result<(), Failure> {
     match heard {
         Heard::WorkerGone(card) => Err(Failure::WorkerGone { card }),
-        Heard::Answer(Answer { card, report: Report::Axis(report), .. }) => {
+        Heard::Answer(Answer { card, report: Report::Axis(report), acted_at, .. }) => {
             match (AxisNumber::new(card.0), report.alarm) {
                 (Some(axis), Some(alarm)) if !known.contains(&(axis, alarm)) => {
-                    Err(Failure::Alarm { axis, alarm, done: report.steps, position: report.position })
+                    let (done, position) = (report.steps, report.position);
+                    Err(Failure::Alarm { axis, alarm, done, position, at: Some(acted_at) })
                 }
                 _ => Ok(()),
             }

@@ -87,8 +87,6 @@ pub enum Failure {
         tried: String,
     },
     /// In a replay, an axis still moves that stood in the record.
-    #[error("{axis} still moves {milliseconds} ms after the moment at which it stood in the record")]
-    #[diagnostic(help("the set does not do what the recorded one did; compare the two logs with `ccu frames`"))]
     NotAsRecorded {
         /// The axis.
         axis: AxisNumber,
@@ -300,6 +298,11 @@ impl Failure {
             Self::GaveUp { axis, reason, tried } => {
                 write!(f, "{} does not get there: {reason}; the executive {tried}", name(*axis))
             }
+            Self::NotAsRecorded { axis, milliseconds } => write!(
+                f,
+                "{} still moves {milliseconds} ms after the moment at which it stood in the record",
+                name(*axis)
+            ),
             Self::NotConfirmed { axis } => write!(
                 f,
                 "the line was not started: {} did not confirm the start in time; nobody moved",

@@ -6,7 +6,9 @@ use std::time::Duration;
 
 use axis_worker::ramp::Table;
 use supersigma_config::{Config, RampError};
-use supersigma_protocol::{Activity, Address, Answer, AxisNumber, Broadcast, Fault, Sequence, SpeedIndex, Tick, Ticks};
+use supersigma_protocol::{
+    Activity, Address, Answer, AxisNumber, Broadcast, Fault, Sequence, SpeedIndex, Tick, Ticks,
+};
 
 use super::failure::{Failure, LogTrouble};
 use super::request::{Remainder, Request};

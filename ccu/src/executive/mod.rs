@@ -2,8 +2,8 @@
 //! when each movement is due, and judges by the sense points whether it has come true. It moves nothing itself and
 //! reads no clock but its [`Link`]'s; a live set and a dry run are driven by this very code.
 
-mod again;
 pub mod advice;
+mod again;
 mod failure;
 mod halted;
 mod link;

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 use supersigma_protocol::{
-    Address, Alarm, AxisNumber, AxisReport, CommandBytes, Deviation, Direction, Distance, Fault, Position, Refusal,
-    StatusWord, Steps, Ticks,
+    Address, Alarm, AxisNumber, AxisReport, CommandBytes, Deviation, Direction, Distance, Fault, Position,
+    Refusal, StatusWord, Steps, Ticks,
 };
 
 use super::again::{Again, Shift};

@@ -36,8 +36,8 @@ mod rotation;
 mod salvage;
 mod schema;
 mod senders;
-mod twins;
 mod table;
+mod twins;
 mod view;
 mod writer;
 

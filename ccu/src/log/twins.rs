@@ -89,8 +89,9 @@ impl TwinReader {
             };
             let Some(listed) = self.messages.channels().get(&header.channel_id) else { continue };
             let twinned = if listed.channel.topic == MICROBUS {
+                let lane = lane(&listed.channel);
                 let alone = self.give(None);
-                self.held = lane(&listed.channel).map(|lane| LoggedFrame {
+                self.held = lane.map(|lane| LoggedFrame {
                     log_time: WallTime(header.log_time),
                     lane,
                     frame: Frame::decode(&bytes),

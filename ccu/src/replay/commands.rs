@@ -34,12 +34,14 @@ impl Commands {
         self.next = self.next.max(frame.sequence.next());
         let waiting = match &frame.body {
             Body::Fault(axis, _) => usize::from(self.axes.contains(axis)),
-            Body::Command(broadcast) => match broadcast.bytes.as_slice().first().map(|to| Address(*to).kind()) {
-                Some(CardKind::Everyone) => self.axes.len(),
-                Some(CardKind::Axis(axis)) => usize::from(self.axes.contains(&axis)),
-                Some(CardKind::DigitalInput | CardKind::DigitalOutput) => 1,
-                Some(CardKind::Unknown(_)) | None => 0,
-            },
+            Body::Command(broadcast) => {
+                match broadcast.bytes.as_slice().first().map(|to| Address(*to).kind()) {
+                    Some(CardKind::Everyone) => self.axes.len(),
+                    Some(CardKind::Axis(axis)) => usize::from(self.axes.contains(&axis)),
+                    Some(CardKind::DigitalInput | CardKind::DigitalOutput) => 1,
+                    Some(CardKind::Unknown(_)) | None => 0,
+                }
+            }
             Body::Answer(_) => 0,
         };
         if waiting > 0 {

@@ -264,13 +264,8 @@ impl<'a> Verifier<'a> {
                 self.run()
             }
             (Sender::Card(card), &Body::Answer(answer)) => {
-                let held = Held {
-                    number,
-                    sequence: frame.sequence,
-                    tick: frame.tick,
-                    answer,
-                    bytes: logged.bytes,
-                };
+                let held =
+                    Held { number, sequence: frame.sequence, tick: frame.tick, answer, bytes: logged.bytes };
                 self.hear(card, held)
             }
             // A card that commands, or a CCU that answers: nobody listens to that.

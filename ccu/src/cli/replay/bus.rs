@@ -50,8 +50,10 @@ impl Record {
             match frame.body {
                 Body::Command(broadcast) if frame.sender == Sender::Ccu => {
                     let decoded = Command::decode(broadcast.bytes.as_slice()).ok();
-                    let to = decoded.filter(|command| command.operation.sets_going()).map(|command| command.to);
-                    let stand = record.standing(|axis| to == Some(Address::EVERYONE) || to == Some(axis.address()));
+                    let to =
+                        decoded.filter(|command| command.operation.sets_going()).map(|command| command.to);
+                    let stand =
+                        record.standing(|axis| to == Some(Address::EVERYONE) || to == Some(axis.address()));
                     record.frames.push(Again { at: frame.tick, what: Sent::Command(broadcast), stand });
                 }
                 Body::Fault(axis, fault) => {
@@ -59,7 +61,8 @@ impl Record {
                     record.frames.push(Again { at: frame.tick, what, stand: vec![] });
                 }
                 Body::Answer(answer) => {
-                    let (Report::Axis(report), Some(axis)) = (answer.report, AxisNumber::new(answer.card.0)) else {
+                    let (Report::Axis(report), Some(axis)) = (answer.report, AxisNumber::new(answer.card.0))
+                    else {
                         continue;
                     };
                     // That somebody is alive, or goes, is no part of what happened.
@@ -67,7 +70,8 @@ impl Record {
                         end = end.max(answer.acted_at);
                     }
                     record.last.insert(axis, report);
-                    if let Some(alarm) = report.alarm.filter(|alarm| !record.known.contains(&(axis, *alarm))) {
+                    if let Some(alarm) = report.alarm.filter(|alarm| !record.known.contains(&(axis, *alarm)))
+                    {
                         record.known.push((axis, alarm));
                     }
                 }
@@ -139,7 +143,9 @@ fn on_a_set_of_its_own(args: &ReplayArgs, home: &Home, record: &Record) -> Resul
         None => recorded,
         Some(Speed::Times(scale)) if scale.get() <= recorded.get() => scale,
         Some(Speed::Times(scale)) => return Err(too_fast(scale.get(), record)),
-        Some(Speed::Max) => return Err(Exit::wrong(miette!("a live set cannot go as fast as it can be shown"))),
+        Some(Speed::Max) => {
+            return Err(Exit::wrong(miette!("a live set cannot go as fast as it can be shown")));
+        }
     };
     let log = set::log_path(args.new_log.as_ref(), &args.set.name)?;
     let options = Options { home: home.clone(), config: record.config.clone(), scale, log, script: None };
@@ -179,9 +185,8 @@ fn same_machines(live: &Config, recorded: &Config) -> Result<(), Exit> {
         Some("it has other axes".to_owned())
     } else {
         let pairs = live.axes.iter().zip(&recorded.axes);
-        let mut differing = pairs.filter(|(ours, theirs)| {
-            ours != theirs || live.ramp_of(ours) != recorded.ramp_of(theirs)
-        });
+        let mut differing =
+            pairs.filter(|(ours, theirs)| ours != theirs || live.ramp_of(ours) != recorded.ramp_of(theirs));
         differing.next().map(|(ours, _)| format!("its axis {} is configured otherwise", ours.address.get()))
     };
     let digital = (live.digital != recorded.digital).then(|| "its digital lines are others".to_owned());
@@ -294,9 +299,11 @@ fn tell(json: bool, record: &Record, states: &[AxisState]) -> Result<(), Exit> {
     if json {
         show::print_json(&serde_json::json!({ "frames": sent, "same": same, "axes": ends }), &mut out)?;
     } else {
-        let verdict = if same { "all axes end as in the record" } else { "not all axes end as in the record" };
+        let verdict =
+            if same { "all axes end as in the record" } else { "not all axes end as in the record" };
         writeln!(out, "{sent} frames put on the bus again; {verdict}")?;
-        let place = |place: &Option<PlaceView>| place.as_ref().map_or("gone".to_owned(), PlaceView::to_string);
+        let place =
+            |place: &Option<PlaceView>| place.as_ref().map_or("gone".to_owned(), PlaceView::to_string);
         for end in &ends {
             let mark = if end.same { "=" } else { "≠" };
             writeln!(

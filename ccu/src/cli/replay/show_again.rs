@@ -16,7 +16,7 @@ use crate::cli::asked::unknown;
 use crate::cli::exit::Exit;
 use crate::cli::{set, show};
 use crate::executive::AxisState;
-use crate::log::{AxisNames, FrameView, LogReader, LoggedFrame, Filter, Judge, Lines};
+use crate::log::{AxisNames, Filter, FrameView, Judge, Lines, LogReader, LoggedFrame};
 
 /// The table is not drawn more often than this.
 const DRAWN: Duration = Duration::from_millis(100);
@@ -42,7 +42,14 @@ pub(super) fn show(args: &ReplayArgs) -> Result<(), Exit> {
     let judge = |axis: &AxisNumber| Filter { axis: Some(*axis), ..Filter::default() }.start(header.timeline);
     let judges = axes.iter().map(judge).collect();
     let view: Box<dyn View> = if args.watch {
-        Box::new(Table { config: &config, axes, states: BTreeMap::new(), now: Tick(0), drawn: None, stale: true })
+        Box::new(Table {
+            config: &config,
+            axes,
+            states: BTreeMap::new(),
+            now: Tick(0),
+            drawn: None,
+            stale: true,
+        })
     } else {
         Box::new(Rows { json: args.json, lines: Lines::new(&names), names: &names, judges })
     };
@@ -137,7 +144,11 @@ impl View for Rows<'_> {
         }
         let view = FrameView::new(&logged.bytes, logged.frame.as_ref(), self.names);
         let mut out = io::stdout().lock();
-        if self.json { show::print_json(&view, &mut out) } else { writeln!(out, "{}", self.lines.line(&view)) }
+        if self.json {
+            show::print_json(&view, &mut out)
+        } else {
+            writeln!(out, "{}", self.lines.line(&view))
+        }
     }
 
     fn idle(&mut self, _: Duration) -> io::Result<()> {
@@ -196,7 +207,11 @@ impl View for Table<'_> {
 
     fn show(&mut self, logged: &LoggedFrame, _: Tick) -> io::Result<()> {
         self.pass(logged);
-        if self.stale && self.drawn.is_none_or(|drawn| drawn.elapsed() >= DRAWN) { self.draw() } else { Ok(()) }
+        if self.stale && self.drawn.is_none_or(|drawn| drawn.elapsed() >= DRAWN) {
+            self.draw()
+        } else {
+            Ok(())
+        }
     }
 
     fn idle(&mut self, wait: Duration) -> io::Result<()> {

@@ -80,14 +80,19 @@ pub(super) fn verify(path: &Path, json: bool) -> Result<(), Exit> {
     }
     out.flush()?;
     if reader.truncated() {
-        eprintln!("the log ends in the middle of a record; the {} frames before that are verified", found.frames);
+        eprintln!(
+            "the log ends in the middle of a record; the {} frames before that are verified",
+            found.frames
+        );
     }
     if let Some(version) = other_version(&header) {
         let ours = crate::log::LogHeader::VERSION;
         eprintln!("the log was written by version {version} of this program, and verified by {ours}");
     }
     match broken {
-        Err(ReplayError::Log(error @ LogError::Damaged { .. })) => Err(error).into_diagnostic().map_err(Exit::could_not),
+        Err(ReplayError::Log(error @ LogError::Damaged { .. })) => {
+            Err(error).into_diagnostic().map_err(Exit::could_not)
+        }
         Err(ReplayError::Log(error)) => Err(log_error(error)),
         Err(error) => Err(error).into_diagnostic().map_err(Exit::wrong),
         Ok(()) if found.is_identical() => Ok(()),
@@ -177,7 +182,9 @@ impl Told<'_> {
         let recorded = self.decoded(&difference.bytes, &difference.recorded);
         let parsed = |text: &str| serde_json::from_str(text).unwrap_or_else(|_| Value::from(text));
         match &difference.kind {
-            DifferenceKind::Answer(frame) => (recorded, self.decoded(&frame.encode(), &Ok((**frame).clone()))),
+            DifferenceKind::Answer(frame) => {
+                (recorded, self.decoded(&frame.encode(), &Ok((**frame).clone())))
+            }
             DifferenceKind::Twin { recorded: twin, due } => {
                 (due.as_deref().map_or(recorded, parsed), parsed(twin))
             }
@@ -214,7 +221,11 @@ impl Told<'_> {
             decimal(self.speed())
         )?;
         if found.undecodable > 0 {
-            writeln!(out, "{} times there were bytes on the bus that no card sends", grouped(found.undecodable))?;
+            writeln!(
+                out,
+                "{} times there were bytes on the bus that no card sends",
+                grouped(found.undecodable)
+            )?;
         }
         for one in &found.unverifiable {
             writeln!(
@@ -264,10 +275,15 @@ fn rows(left: &Value, right: &Value) -> Vec<Row> {
     ours.retain(|(_, value)| value != "null");
     theirs.retain(|(_, value)| value != "null");
     let of = |fields: &[(String, String)], key: &str| {
-        fields.iter().find(|(other, _)| other == key).map_or_else(|| "-".to_owned(), |(_, value)| value.clone())
+        fields
+            .iter()
+            .find(|(other, _)| other == key)
+            .map_or_else(|| "-".to_owned(), |(_, value)| value.clone())
     };
     let mut keys: Vec<String> = ours.iter().map(|(key, _)| key.clone()).collect();
-    keys.extend(theirs.iter().map(|(key, _)| key.clone()).filter(|key| !ours.iter().any(|(our, _)| our == key)));
+    keys.extend(
+        theirs.iter().map(|(key, _)| key.clone()).filter(|key| !ours.iter().any(|(our, _)| our == key)),
+    );
     // The decoded frame says what kind it is; a twin's channel does.
     keys.retain(|key| key != "kind");
     keys.into_iter()
