@@ -66,6 +66,49 @@ pub struct Description {
     pub lost: u64,
     /// The recorder.
     pub recorder: RecorderView,
+    /// The processes that the daemon has started.
+    pub processes: Vec<ProcessView>,
+}
+
+/// One process of a set.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ProcessView {
+    /// Its part: `recorder` or `worker`.
+    pub role: ProcessRole,
+    /// A worker's card.
+    pub card: Option<Address>,
+    /// Its number; null while it waits to be started again.
+    pub pid: Option<u32>,
+    /// Whether it does its part.
+    pub state: ProcessState,
+    /// Milliseconds of real time since it was started, or since it ended.
+    pub since_ms: u64,
+    /// How often it has been started again.
+    pub restarts: u32,
+}
+
+/// What a process is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ProcessRole {
+    /// It writes the log.
+    Recorder,
+    /// It plays a card.
+    Worker,
+}
+
+/// Whether a process does its part.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ProcessState {
+    /// It does.
+    Running,
+    /// It lives, but nothing has been heard of it for too long.
+    Silent,
+    /// It has ended, and will be started again.
+    Restarting,
+    /// It has ended.
+    Ended,
 }
 
 /// The recorder, as the daemon knows it. News comes every 250 ms.

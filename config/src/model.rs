@@ -130,11 +130,13 @@ pub struct SupervisionConfig {
     /// Real milliseconds of silence after which a card counts as hung: more than two heartbeats.
     #[schemars(range(min = 1))]
     pub silent_ms: u32,
+    /// Whether a worker, or the recorder, that ends unasked is started again.
+    pub restart: bool,
 }
 
 impl Default for SupervisionConfig {
     fn default() -> Self {
-        Self { heartbeat_ms: 100, silent_ms: 450 }
+        Self { heartbeat_ms: 100, silent_ms: 450, restart: true }
     }
 }
 

@@ -3,6 +3,7 @@
 
 mod ask;
 mod asked;
+mod check;
 mod config;
 mod exit;
 mod logs;
@@ -10,6 +11,9 @@ mod panel;
 mod paper;
 mod plot;
 mod profile;
+mod ps;
+mod rehearsal;
+mod repl;
 mod replay;
 mod run;
 mod service;
@@ -70,9 +74,32 @@ Examples:
 Examples:
   ccu run examples/assembly.rhai
   ccu run -e 'origin(\"wrist\"); move_by(\"wrist\", 400)'
+  ccu run examples/together.rhai --set rounds=5
   ccu run --dry-run --pulses pulses.csv examples/assembly.rhai
   echo 'print(position(1))' | ccu run -")]
     Run(run::RunArgs),
+    /// Look for everything that is wrong with a program; nothing moves, and no set is needed
+    #[command(after_help = "\
+Every call in the text is looked at, then the program is rehearsed on a dry set just switched on.
+
+Examples:
+  ccu check examples/assembly.rhai
+  ccu check weld.rhai --config cell-2.toml --set laps=5
+  ccu check weld.rhai --originated    for a set whose axes have been originated
+  ccu check weld.rhai --json
+
+Exit codes: 0 nothing is wrong, 2 something is.")]
+    Check(check::CheckArgs),
+    /// Talk to a set in the language of robot programs, a line at a time
+    #[command(after_help = "\
+Tab completes functions, variables, and the names of axes, inputs and outputs. A text with open brackets
+goes on in the next line. Ctrl-C halts what moves, Ctrl-D leaves.
+
+Examples:
+  ccu repl                            on the set that is up
+  ccu repl --dry-run                  on a dry set, in virtual time
+  echo 'origin(); position(1)' | ccu repl --dry-run")]
+    Repl(repl::ReplArgs),
     /// Move one axis by so many steps
     #[command(
         allow_negative_numbers = true,
@@ -161,6 +188,17 @@ Examples:
 
 Exit codes of --verify: 0 identical, 1 a difference, or something that cannot be verified, 2 no such log.")]
     Replay(replay::ReplayArgs),
+    /// The processes of the sets that are up
+    #[command(after_help = "Examples:\n  ccu ps\n  ccu ps --name cell-2 --json")]
+    Ps(ps::PsArgs),
+    /// Kill a worker on purpose, or let it hang, to see what happens
+    #[command(after_help = "\
+Examples:
+  ccu kill-worker left_x                   its process ends; it is started again, and its axis has no position
+  ccu kill-worker left_x --signal stop     it hangs
+  ccu kill-worker left_x --signal cont     it goes on
+  ccu kill-worker digital")]
+    KillWorker(ps::KillWorkerArgs),
     /// Show the frames of a log
     #[command(after_help = "\
 Examples:
@@ -277,6 +315,8 @@ impl Command {
             Self::Up(args) => set::up(&args),
             Self::Down(args) => set::down(&args),
             Self::Run(args) => run::run(&args),
+            Self::Check(args) => check::check(&args),
+            Self::Repl(args) => repl::repl(&args),
             Self::Move(args) => ask::movement(&args),
             Self::Line(args) => ask::line(&args),
             Self::Jog(args) => ask::jog(&args),
@@ -293,6 +333,8 @@ impl Command {
             Self::Word(args) => word::word(&args),
             Self::Inject(args) => panel::inject(&args),
             Self::Replay(args) => replay::replay(&args),
+            Self::Ps(args) => ps::ps(&args),
+            Self::KillWorker(args) => ps::kill_worker(&args),
             Self::Frames(args) => logs::frames(&args),
             Self::Log(command) => logs::log(&command),
             Self::Recover(args) => logs::recover(&args),

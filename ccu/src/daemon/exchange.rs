@@ -177,6 +177,11 @@ impl Exchange {
         self.card_gone(card);
     }
 
+    /// The process that plays `card` is started again: what comes from the bus is its own.
+    pub(super) fn born_again(&self, card: Address) {
+        self.state().ended.remove(&card);
+    }
+
     fn card_gone(&self, card: Address) {
         {
             let mut state = self.state();
@@ -197,6 +202,11 @@ impl Exchange {
             state.tell(&Heard::NoLog(trouble));
         }
         self.brake_all();
+    }
+
+    /// There is a log again.
+    pub(super) fn log_again(&self) {
+        self.state().no_log = None;
     }
 
     /// Nobody shall begin anything any more.
@@ -306,11 +316,6 @@ pub(super) struct LiveLink {
 }
 
 impl LiveLink {
-    /// Forgets what was heard before a new request.
-    pub(super) fn forget(&self) {
-        while self.heard.try_recv().is_ok() {}
-    }
-
     /// Moves need a log and living cards; stopping and asking do not.
     fn check(&self, broadcast: &Broadcast) -> Result<(), Failure> {
         let Ok(command) = Command::decode(broadcast.bytes.as_slice()) else {

@@ -10,18 +10,19 @@
 //! In order: start the recorder, then the cards, then listen to clients; stop in the opposite order, so that the log has
 //! everybody's last frame. Motion and meaning are not in here: they are the executive's and the cards'.
 
+mod births;
 mod exchange;
+mod keeper;
 mod process;
 pub mod recorder;
 mod recording;
+mod scribe;
 mod server;
 
-use std::ffi::OsString;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -30,21 +31,20 @@ use miette::Diagnostic;
 use supersigma_config::{Config, RampError};
 use supersigma_protocol::bus::shared_memory::{Place, SharedBus};
 use supersigma_protocol::bus::{Bus, BusError};
-use supersigma_protocol::{About, Activity, Address, AxisNumber, Command, Occasion, Operation, Report};
+use supersigma_protocol::{Activity, Address, AxisNumber, Command, Operation, Report};
 use tokio::sync::{Notify, watch};
 
+use self::births::{Births, Leaving};
 use self::exchange::Exchange;
-use self::process::Process;
-use self::recorder::{Cause, Said};
-use self::recording::{Ear, Recording};
+use self::keeper::Keeper;
+use self::recording::Recording;
+use self::scribe::Scribe;
 use self::server::Desk;
 use crate::control::{Description, DownReport};
 use crate::executive::{AxisState, Heard, Knowledge, LogTrouble};
 use crate::home::{Home, HomeError, Occupied};
-use crate::log::{LogSummary, WallTime};
+use crate::log::WallTime;
 
-/// How long processes may take to come to life.
-const BIRTH: Duration = Duration::from_secs(20);
 /// How long axes may take to stand once they have been told to halt, and then to brake.
 const STANDING: Duration = Duration::from_secs(3);
 /// How long a process may take to end.
@@ -115,10 +115,10 @@ pub struct Daemon {
     bus: SharedBus,
     exchange: Arc<Exchange>,
     listening: JoinHandle<()>,
-    recorder: Recorder,
-    workers: Vec<Process>,
+    recorder: Scribe,
+    workers: Arc<Keeper>,
     /// Once set, processes end because they shall.
-    leaving: Arc<AtomicBool>,
+    leaving: Arc<Leaving>,
     desk: Arc<Desk>,
     serving: tokio::task::JoinHandle<()>,
     log: PathBuf,
@@ -145,21 +145,39 @@ impl Daemon {
         }
         let bus = SharedBus::create(&place)?;
         let clock = Clock::new(Monotonic::now(), scale);
-        let wall_epoch = WallTime::now();
         let (transmit, receive) = bus.ccu()?;
         let (exchange, listening) = Exchange::start(Arc::clone(&knowledge), clock, transmit, receive)?;
-        let leaving = Arc::new(AtomicBool::new(false));
-        let births = Births { home: &home, clock, exchange: &exchange, leaving: &leaving };
-        let processes = births.recorder(wall_epoch, &log, script.is_some()).and_then(|recorder| {
-            let workers = births.workers(&knowledge)?;
-            let listener = server::bind(&home.socket())
-                .map_err(|source| StartError::Io { what: "make the control socket", source })?;
-            Ok((recorder, workers, listener))
+        let leaving = Arc::new(Leaving::default());
+        let births = Births {
+            home: home.clone(),
+            clock,
+            wall_epoch: WallTime::now(),
+            exchange: Arc::clone(&exchange),
+            leaving: Arc::clone(&leaving),
+            script: script.is_some(),
+        };
+        let axes = knowledge.config.axes.iter().map(|axis| axis.address.address());
+        let cards = axes.chain([Address::DIGITAL_INPUT]).collect();
+        let processes = Scribe::start(&births, &log).and_then(|recorder| {
+            let workers = Keeper::start(births.clone(), cards).and_then(|workers| {
+                let listener = server::bind(&home.socket());
+                listener.map(|listener| (Arc::clone(&workers), listener)).map_err(|source| {
+                    workers.finish(END);
+                    StartError::Io { what: "make the control socket", source }
+                })
+            });
+            match workers {
+                Ok((workers, listener)) => Ok((recorder, workers, listener)),
+                Err(error) => {
+                    recorder.finish(END);
+                    Err(error)
+                }
+            }
         });
         let (recorder, workers, listener) = match processes {
             Ok(processes) => processes,
             Err(error) => {
-                leaving.store(true, Ordering::Release);
+                leaving.set();
                 exchange.stop();
                 let _ = listening.join();
                 drop(bus);
@@ -168,7 +186,7 @@ impl Daemon {
             }
         };
         let desk = Arc::new(Desk {
-            describe: Box::new(describer(&home, &exchange, scale, &log, &recorder.recording)),
+            describe: Box::new(describer(&births, &log, recorder.recording(), &workers)),
             exchange: Arc::clone(&exchange),
             down: Notify::new(),
             report: watch::Sender::new(None),
@@ -192,7 +210,7 @@ impl Daemon {
     /// Its cards' processes: how many.
     #[must_use]
     pub fn workers(&self) -> usize {
-        self.workers.len()
+        self.workers.cards()
     }
 
     /// What resolves when a client wants the set down.
@@ -208,25 +226,16 @@ impl Daemon {
     }
 
     /// Takes the set down: axes stand, cards leave, the log is finished, and nothing is left on the machine.
-    pub async fn stop(mut self) -> DownReport {
+    pub async fn stop(self) -> DownReport {
         self.exchange.going_down();
         self.bring_to_a_stand();
-        self.leaving.store(true, Ordering::Release);
-        for worker in &mut self.workers {
-            worker.ask_to_leave();
-        }
+        self.leaving.set();
+        self.workers.ask_to_leave();
         let heard = self.exchange.subscribe();
         let everybody_left = || self.exchange.cards().values().all(|life| !life.alive);
         wait_for(&heard, END, everybody_left);
-        self.recorder.process.let_go();
-        let summary = self.recorder.last_words.recv_timeout(END).ok();
-        self.recorder.process.finish(END);
-        for worker in &mut self.workers {
-            worker.let_go();
-        }
-        for worker in &mut self.workers {
-            worker.finish(END);
-        }
+        let summary = self.recorder.finish(END);
+        self.workers.finish(END);
         self.exchange.stop();
         let _ = self.listening.join();
         let counts = self.exchange.counts();
@@ -236,7 +245,7 @@ impl Daemon {
             logged: summary.as_ref().map(|summary| summary.frames),
             lost: summary.as_ref().map(|summary| summary.lost),
             bytes: summary.as_ref().map(|summary| summary.bytes),
-            parts: summary.map_or_else(|| self.recorder.recording.view().parts, |summary| summary.parts),
+            parts: summary.map_or_else(|| self.recorder.recording().view().parts, |summary| summary.parts),
         };
         self.serving.abort();
         drop(self.bus);
@@ -282,118 +291,15 @@ fn wait_for(heard: &std::sync::mpsc::Receiver<Heard>, limit: Duration, holds: im
     true
 }
 
-/// The recorder's process, and what it says.
-struct Recorder {
-    process: Process,
-    recording: Recording,
-    last_words: std::sync::mpsc::Receiver<LogSummary>,
-}
-
-/// What is needed to bring processes to life.
-struct Births<'a> {
-    home: &'a Home,
-    clock: Clock,
-    exchange: &'a Arc<Exchange>,
-    leaving: &'a Arc<AtomicBool>,
-}
-
-impl Births<'_> {
-    fn common(&self, command: &str) -> Vec<OsString> {
-        let mut arguments: Vec<OsString> = vec![command.into()];
-        let mut option = |name: &str, value: OsString| arguments.extend([name.into(), value]);
-        option("--runtime", self.home.folder().into());
-        option("--config", self.home.config().into());
-        option("--epoch", self.clock.epoch().as_nanos().to_string().into());
-        option("--time-scale", self.clock.scale().to_string().into());
-        arguments
-    }
-
-    fn recorder(&self, wall_epoch: WallTime, log: &Path, script: bool) -> Result<Recorder, StartError> {
-        let mut arguments = self.common("recorder");
-        let mut option = |name: &str, value: OsString| arguments.extend([name.into(), value]);
-        option("--set", self.home.name().to_string().into());
-        option("--wall-epoch", wall_epoch.0.to_string().into());
-        option("--log", log.into());
-        if script {
-            option("--script", self.home.script().into());
-        }
-        let cannot = |source| StartError::Io { what: "start the recorder", source };
-        let (told, ended) = std::sync::mpsc::channel();
-        // Whoever has its last words asks for the status; before that, nobody may.
-        let tell = move |status| {
-            let _ = told.send(status);
-        };
-        let mut process = Process::start(arguments, tell).map_err(cannot)?;
-        let first = process.line(BIRTH).and_then(|line| serde_json::from_str(&line).ok());
-        match first {
-            Some(Said::Ready) => {}
-            Some(Said::Failed { cause: Cause::Exists, .. }) => {
-                return Err(StartError::LogExists(log.to_owned()));
-            }
-            Some(Said::Failed { trouble, .. }) => return Err(StartError::NoLog(trouble)),
-            Some(Said::Status(_) | Said::Done(_)) | None => {
-                return Err(StartError::NoRecorder { log: log.to_owned() });
-            }
-        }
-        let recording = Recording::new(log);
-        let (exchange, leaving) = (Arc::clone(self.exchange), Arc::clone(self.leaving));
-        let ear = Ear {
-            lines: process.take_lines(),
-            ended,
-            on_loss: exchange.knowledge().config.log.on_loss,
-            no_log: Box::new(move |trouble| exchange.no_log(trouble)),
-            leaving: Box::new(move || leaving.load(Ordering::Acquire)),
-        };
-        let last_words = recording.listen(ear).map_err(cannot)?;
-        Ok(Recorder { process, recording, last_words })
-    }
-
-    /// Starts all cards at once, and waits until all have joined.
-    fn workers(&self, knowledge: &Knowledge) -> Result<Vec<Process>, StartError> {
-        let heard = self.exchange.subscribe();
-        let axes = knowledge.config.axes.iter().map(|axis| axis.address.address());
-        let mut missing: Vec<Address> = axes.chain([Address::DIGITAL_INPUT]).collect();
-        let mut workers = Vec::with_capacity(missing.len());
-        for card in &missing {
-            workers.push(self.worker(*card)?);
-        }
-        let deadline = Instant::now() + BIRTH;
-        while let Some(first) = missing.first().copied() {
-            match heard.recv_timeout(deadline.saturating_duration_since(Instant::now())) {
-                Ok(Heard::Answer(answer)) if answer.about == About::Unasked(Occasion::Joined) => {
-                    missing.retain(|card| *card != answer.card);
-                }
-                Ok(Heard::WorkerGone(card)) => return Err(StartError::NoWorker(card)),
-                Ok(_) => {}
-                Err(_) => return Err(StartError::NoWorker(first)),
-            }
-        }
-        Ok(workers)
-    }
-
-    fn worker(&self, card: Address) -> Result<Process, StartError> {
-        let mut arguments = self.common("axis-worker");
-        arguments.extend(["--card".into(), card.0.to_string().into()]);
-        let (exchange, leaving) = (Arc::clone(self.exchange), Arc::clone(self.leaving));
-        let worker = Process::start(arguments, move |status| {
-            if !leaving.load(Ordering::Acquire) {
-                tracing::error!(%card, %status, "a worker has ended; all axes brake");
-                exchange.worker_gone(card);
-            }
-        });
-        worker.map_err(|source| StartError::Io { what: "start a worker", source })
-    }
-}
-
 fn describer(
-    home: &Home,
-    exchange: &Arc<Exchange>,
-    scale: TimeScale,
+    births: &Births,
     log: &Path,
     recording: &Recording,
+    workers: &Arc<Keeper>,
 ) -> impl Fn() -> Description + Send + Sync + use<> {
-    let (name, log, exchange) = (home.name().to_string(), log.to_owned(), Arc::clone(exchange));
-    let recording = recording.clone();
+    let (name, scale) = (births.home.name().to_string(), births.clock.scale());
+    let (exchange, log) = (Arc::clone(&births.exchange), log.to_owned());
+    let (recording, workers) = (recording.clone(), Arc::clone(workers));
     let since = Instant::now();
     move || {
         let cards = exchange.cards();
@@ -404,7 +310,11 @@ fn describer(
             },
             _ => None,
         };
+        let alive = |card: &Address| cards.get(card).is_some_and(|life| life.alive);
         let config = &exchange.knowledge().config;
+        let restarts = config.supervision.restart;
+        let sittings = workers.sittings().into_iter();
+        let processes = sittings.map(|sitting| sitting.view(alive(&sitting.card), restarts));
         let counts = exchange.counts();
         Description {
             name: name.clone(),
@@ -425,6 +335,7 @@ fn describer(
             frames: counts.commands + counts.answers,
             lost: counts.lost,
             recorder: recording.view(),
+            processes: std::iter::once(recording.process()).chain(processes).collect(),
         }
     }
 }

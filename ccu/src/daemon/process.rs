@@ -58,6 +58,11 @@ impl Process {
         Ok(Self { pid, lifeline, lines, end })
     }
 
+    /// Its number.
+    pub(super) fn pid(&self) -> u32 {
+        self.pid
+    }
+
     /// Its next line of output; `None` if none comes within `limit`, or if there will be none any more.
     pub(super) fn line(&self, limit: Duration) -> Option<String> {
         self.lines.recv_timeout(limit).ok()

@@ -86,6 +86,9 @@ pub struct RecorderArgs {
     /// The log
     #[arg(long, value_name = "FILE")]
     pub log: PathBuf,
+    /// The first file of it that is this recorder's
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub part: u32,
 }
 
 /// Records until the lifeline ends and everybody has left. Whether what went wrong has been said already, on the
@@ -111,7 +114,7 @@ pub fn record(args: &RecorderArgs) -> miette::Result<bool> {
     let flush = Duration::from_millis(config.log.flush_ms.into());
     outlive_file_size_limit().into_diagnostic()?;
     let mouth = Mouth::open().into_diagnostic()?;
-    let writer = match LogWriter::create(&args.log, header, flush) {
+    let writer = match LogWriter::resume(&args.log, args.part, header, flush) {
         Ok(writer) => writer.rotating(Rotation::from(&config.log)),
         Err(error) => return mouth.fail(&error, trouble_at_start(&error)),
     };

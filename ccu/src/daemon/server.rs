@@ -99,9 +99,14 @@ async fn attend(stream: UnixStream, desk: Arc<Desk>) -> io::Result<()> {
             Ok(ToDaemon::Down) => take_down(&desk).await,
             Err(error) => FromDaemon::Failed(Failure::Control { reason: error.to_string() }),
         };
-        send(&mut write, &answer).await?;
+        if let Err(error) = send(&mut write, &answer).await {
+            tracing::debug!(%error, "a client does not hear its answer");
+            break;
+        }
     }
     reading.abort();
+    // Whoever began something and is gone does not wait for it any more.
+    executive.abandon();
     Ok(())
 }
 
@@ -110,8 +115,8 @@ fn carry_out(
     request: Request,
     how: impl FnOnce(&mut Executive<LiveLink>, Request) -> Result<Outcome, Failure>,
 ) -> (Executive<LiveLink>, FromDaemon) {
-    executive.link().forget();
-    let answer = match how(&mut executive, request) {
+    let caught_up = executive.catch_up();
+    let answer = match caught_up.and_then(|()| how(&mut executive, request)) {
         Ok(outcome) => FromDaemon::Done(outcome),
         Err(failure) => FromDaemon::Failed(failure),
     };

@@ -8,10 +8,10 @@ use supersigma_protocol::{
     Activity, Address, Alarm, Answer, AxisNumber, Broadcast, Command, Fault, Operation, Report, Tick,
 };
 
+use super::Executive;
 use super::failure::Failure;
 use super::link::{Heard, Link};
 use super::request::Outcome;
-use super::{Executive, bad_news};
 
 /// From the request to the first frame.
 const LEAD: Duration = Duration::from_millis(20);
@@ -100,7 +100,7 @@ impl<L: Link> Executive<L> {
                 }
                 waited = true;
                 let look = self.link.now() + self.link.ticks(LOOK);
-                if let Some(heard) = self.hear(look.min(deadline))? {
+                if let Some(heard) = self.listen(look.min(deadline))? {
                     surprise(heard, known)?;
                 }
             }
@@ -120,7 +120,7 @@ impl<L: Link> Executive<L> {
     }
 
     fn watch_until(&mut self, due: Tick, known: &[(AxisNumber, Alarm)]) -> Result<(), Failure> {
-        while let Some(heard) = self.hear(due)? {
+        while let Some(heard) = self.listen(due)? {
             surprise(heard, known)?;
         }
         Ok(())
@@ -140,6 +140,9 @@ fn surprise(heard: Heard, known: &[(AxisNumber, Alarm)]) -> Result<(), Failure> 
                 _ => Ok(()),
             }
         }
-        other => bad_news(other, &[]),
+        Heard::NoLog(trouble) => Err(Failure::NoLog((*trouble).clone())),
+        Heard::FramesLost(card, lost) => Err(Failure::FramesLost { card, lost }),
+        Heard::GoingDown => Err(Failure::GoingDown),
+        Heard::Answer(_) | Heard::Resume => Ok(()),
     }
 }

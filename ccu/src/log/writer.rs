@@ -99,6 +99,22 @@ struct Noted {
     recorded: Tick,
 }
 
+impl LogSummary {
+    /// What is in this and in what follows it.
+    #[must_use]
+    pub fn and(mut self, next: Self) -> Self {
+        self.frames += next.frames;
+        self.commands += next.commands;
+        self.answers += next.answers;
+        self.gaps += next.gaps;
+        self.lost += next.lost;
+        self.undecodable += next.undecodable;
+        self.bytes += next.bytes;
+        self.parts.extend(next.parts);
+        self
+    }
+}
+
 impl LogWriter {
     /// Begins a log. Header, attachments and channels are on disk when this returns. `flush` is the real time within
     /// which a recorded frame is readable on disk, for callers who come by every [`LogWriter::poll`].
@@ -106,18 +122,28 @@ impl LogWriter {
     /// # Errors
     /// If the file exists, or cannot be made or written; then nothing is left of it.
     pub fn create(path: &Path, header: LogHeader, flush: Duration) -> Result<Self, LogError> {
-        let first = PartPlace { number: 1, previous: None };
-        let part = Part::create(path, &header, &first, Tick(0))?;
+        Self::resume(path, 1, header, flush)
+    }
+
+    /// The same from this part on, of a log whose earlier parts, from 1, somebody else has written.
+    ///
+    /// # Errors
+    /// As for [`LogWriter::create`].
+    pub fn resume(path: &Path, part: u32, header: LogHeader, flush: Duration) -> Result<Self, LogError> {
+        let number = part.max(1);
+        let file = part_path(path, number);
+        let before = (number > 1).then(|| part_path(path, number - 1));
+        let previous = before.and_then(|file| Some(file.file_name()?.to_string_lossy().into_owned()));
+        let part = Part::create(&file, &header, &PartPlace { number, previous }, Tick(0))?;
         let Timeline { epoch, scale } = header.timeline;
         // The hold-back, its allowance for clocks that disagree, and a caller's poll together must fit into `flush`.
         let quarter = flush / 4;
         let hold = scale.ticks(HOLD_BACK.min(quarter));
-        let counts =
-            LogSummary { parts: vec![path.to_owned()], bytes: part.bytes(), ..LogSummary::default() };
+        let counts = LogSummary { parts: vec![file], bytes: part.bytes(), ..LogSummary::default() };
         Ok(Self {
             path: path.to_owned(),
             part,
-            number: 1,
+            number,
             rotation: Rotation::default(),
             settling: None,
             order: HoldBack::new(hold),

@@ -512,7 +512,6 @@ fn rewrite(from: &Path, to: &Path, number: u64, bit: usize) {
                     .expect("room");
             }
             mcap::records::Record::Metadata(metadata) => {
-                let metadata = mcap::Metadata { name: metadata.name, metadata: metadata.metadata };
                 out.write_metadata(&metadata).expect("room");
             }
             _ => {}
