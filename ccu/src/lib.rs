@@ -10,5 +10,6 @@ pub mod log;
 pub mod notices;
 pub mod plot;
 pub mod profile;
+pub mod replay;
 pub mod script;
 pub mod watch;

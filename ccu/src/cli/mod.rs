@@ -16,6 +16,7 @@ mod progress;
 mod ps;
 mod rehearsal;
 mod repl;
+mod replay;
 mod run;
 mod service;
 mod set;
@@ -188,6 +189,17 @@ Examples:
   ccu inject left_x lost-steps=40          the next 40 pulses do not reach the motor
   ccu inject left_x switch=open            the limit switch never closes (closed, free)")]
     Inject(panel::InjectArgs),
+    /// Show a log as it happened, verify it on fresh machines, or put its commands on a live bus again
+    #[command(after_help = "\
+Examples:
+  ccu replay run.mcap --verify                     every answer again, byte for byte
+  ccu replay run.mcap                              the frames at the machine's pace
+  ccu replay run.mcap --watch --speed 5 --from 60  the axes' table, five times as fast, from second 60 on
+  ccu replay run.mcap --bus                        the same movements again, on a set started for it
+  ccu replay run.mcap --bus --name cell-2          the same on a set that is up
+
+Exit codes of --verify: 0 identical, 1 a difference, or something that cannot be verified, 2 no such log.")]
+    Replay(replay::ReplayArgs),
     /// The processes of the sets that are up
     #[command(after_help = "Examples:\n  ccu ps\n  ccu ps --name cell-2 --json")]
     Ps(ps::PsArgs),
@@ -344,6 +356,7 @@ impl Command {
             Self::Send(args) => panel::send(&args),
             Self::Word(args) => word::word(&args),
             Self::Inject(args) => panel::inject(&args),
+            Self::Replay(args) => replay::replay(&args),
             Self::Ps(args) => ps::ps(&args),
             Self::KillWorker(args) => ps::kill_worker(&args),
             Self::Frames(args) => logs::frames(&args),

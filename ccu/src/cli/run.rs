@@ -115,6 +115,7 @@ fn dry_run(args: &RunArgs, program: &Program, source: String) -> Result<(), Exit
     args.plot.as_deref().map_or(Ok(()), timing::check_name)?;
     let config = set::start_config(&args.start)?;
     let header = LogHeader {
+        version: LogHeader::VERSION.to_owned(),
         set: args.set.name.to_string(),
         names: AxisNames::from(&config),
         timeline: Timeline { epoch: WallTime::now(), scale: args.start.time_scale },

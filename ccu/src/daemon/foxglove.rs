@@ -129,6 +129,7 @@ mod server {
         let config = Config::from_toml(&text, &args.config.display().to_string())?;
         let timeline = Timeline { epoch: WallTime(args.wall_epoch), scale: args.time_scale };
         let header = LogHeader {
+            version: LogHeader::VERSION.to_owned(),
             set: args.set.clone(),
             names: AxisNames::from(&config),
             timeline,

@@ -102,8 +102,14 @@ pub fn record(args: &RecorderArgs) -> miette::Result<bool> {
     let script = args.script.as_ref().map(fs::read_to_string).transpose();
     let script = script.into_diagnostic().wrap_err("cannot read the set's program")?;
     let timeline = Timeline { epoch: WallTime(args.wall_epoch), scale: args.time_scale };
-    let header =
-        LogHeader { set: args.set.clone(), names: AxisNames::from(&config), timeline, config: text, script };
+    let header = LogHeader {
+        version: LogHeader::VERSION.to_owned(),
+        set: args.set.clone(),
+        names: AxisNames::from(&config),
+        timeline,
+        config: text,
+        script,
+    };
     let flush = Duration::from_millis(config.log.flush_ms.into());
     outlive_file_size_limit().into_diagnostic()?;
     let mouth = Mouth::open().into_diagnostic()?;

@@ -33,6 +33,7 @@ pub(super) fn telling(request: &Request, knowledge: &Knowledge) -> Option<String
         Request::Clear { axes: which } => axes("clear", which),
         Request::Output { bit, on } => format!("output {bit} {}", if *on { "on" } else { "off" }),
         Request::Begin { request } => return telling(request, knowledge),
+        Request::Replay { frames, .. } => format!("replay {} frames", frames.len()),
         Request::Status { .. }
         | Request::Await { .. }
         | Request::Abandon

@@ -104,6 +104,9 @@ pub fn failure(failure: &Failure) -> String {
         Failure::GaveUp { .. } => "look at the axis; nothing moves it until it is cleared (`ccu clear`) and \
                                    originated (`ccu origin`)"
             .into(),
+        Failure::NotAsRecorded { .. } => {
+            "the set does not do what the recorded one did; compare the two logs with `ccu frames`".into()
+        }
         Failure::NotConfirmed { .. } => "raise `line.lead_ms`".into(),
         Failure::WorkerGone { .. } => {
             "`ccu ps` shows when it is back; then its axis has to be originated".into()

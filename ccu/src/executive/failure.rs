@@ -87,6 +87,13 @@ pub enum Failure {
         /// What was tried, in order.
         tried: String,
     },
+    /// In a replay, an axis still moves that stood in the record.
+    NotAsRecorded {
+        /// The axis.
+        axis: AxisNumber,
+        /// How long it was given, in real time.
+        milliseconds: u32,
+    },
     /// A line could not be started on all axes in time.
     NotConfirmed {
         /// The axis.
@@ -309,6 +316,11 @@ impl Failure {
             Self::GaveUp { axis, reason, tried } => {
                 write!(f, "{} does not get there: {reason}; the executive {tried}", name(*axis))
             }
+            Self::NotAsRecorded { axis, milliseconds } => write!(
+                f,
+                "{} still moves {milliseconds} ms after the moment at which it stood in the record",
+                name(*axis)
+            ),
             Self::NotConfirmed { axis } => write!(
                 f,
                 "the line was not started: {} did not confirm the start in time; nobody moved",

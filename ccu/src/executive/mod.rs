@@ -3,6 +3,7 @@
 //! reads no clock but its [`Link`]'s; a live set and a dry run are driven by this very code.
 
 pub mod advice;
+mod again;
 mod begun;
 mod failure;
 mod halted;
@@ -22,6 +23,7 @@ use supersigma_protocol::{
     Fault, Operation, Refusal, Report, Sequence, SpeedIndex, Tick, Ticks,
 };
 
+pub use again::{Again, Sent, Shift};
 pub use failure::{Failure, LogTrouble};
 use link::Paused;
 pub use link::{Common, Heard, Knowledge, Link};
@@ -117,6 +119,7 @@ impl<L: Link> Executive<L> {
             Request::Digital { card } => self.digital(*card, Operation::Status).map(Outcome::Digital),
             Request::Inject { axis, fault } => self.inject(*axis, *fault),
             Request::Wait { ticks } => self.wait(*ticks),
+            Request::Replay { frames, shift, known } => self.again(frames, *shift, known),
             Request::Send { bytes } => self.raw(bytes.clone()),
         }
     }

@@ -5,10 +5,11 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 use supersigma_protocol::{
-    Address, AxisNumber, AxisReport, CommandBytes, Deviation, Direction, Distance, Fault, Position, Refusal,
-    StatusWord, Steps, Tick, Ticks,
+    Address, Alarm, AxisNumber, AxisReport, CommandBytes, Deviation, Direction, Distance, Fault, Position,
+    Refusal, StatusWord, Steps, Tick, Ticks,
 };
 
+use super::again::{Again, Shift};
 use super::failure::Failure;
 
 /// Signed steps: positive is away from the origin.
@@ -133,6 +134,15 @@ pub enum Request {
         /// How much.
         ticks: Ticks,
     },
+    /// Recorded frames on the bus again.
+    Replay {
+        /// In the order in which they were sent.
+        frames: Vec<Again>,
+        /// Where the record's time lies; the first request of a replay leaves that open.
+        shift: Option<Shift>,
+        /// Alarms that the record has too.
+        known: Vec<(AxisNumber, Alarm)>,
+    },
     /// Raw bytes on the bus.
     Send {
         /// They need not be right.
@@ -227,6 +237,11 @@ pub enum Outcome {
     Axes(Vec<AxisState>),
     /// The lines of a digital card.
     Digital(u16),
+    /// Recorded frames are on the bus again.
+    Replayed {
+        /// Where the record's time lies by now.
+        shift: Shift,
+    },
     /// The cards' answers to raw bytes.
     Answers(Vec<RawAnswer>),
     /// A movement has been begun.

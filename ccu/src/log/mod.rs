@@ -42,6 +42,7 @@ mod schema;
 mod senders;
 mod table;
 mod told;
+mod twins;
 mod view;
 mod writer;
 
@@ -68,6 +69,7 @@ pub use recover::{Lost, Recovery, recover};
 pub use rotation::Rotation;
 pub use senders::Gap;
 pub use told::{ENCODING, Message, SCHEMA_ENCODING, Topic};
+pub use twins::{TwinReader, Twinned, twin_of};
 pub(crate) use view::sender_name;
 pub use view::{
     AboutView, AlarmView, AnswerView, AxisView, CommandView, DigitalView, FrameView, RefusalView, ReportView,
