@@ -9,3 +9,4 @@ pub mod home;
 pub mod log;
 pub mod profile;
 pub mod script;
+pub mod watch;

@@ -11,6 +11,7 @@
 //! everybody's last frame. Motion and meaning are not in here: they are the executive's and the cards'.
 
 mod exchange;
+mod feed;
 mod process;
 pub mod recorder;
 mod server;
@@ -377,6 +378,7 @@ fn describer(
             config: config.to_toml(),
             time_scale: scale.get(),
             log: log.clone(),
+            log_bytes: fs::metadata(&log).ok().map(|file| file.len()),
             up_s: since.elapsed().as_secs_f64(),
             axes: config
                 .axes
@@ -387,6 +389,8 @@ fn describer(
                 .get(&Address::DIGITAL_INPUT)
                 .filter(|life| life.alive)
                 .map_or_else(Vec::new, |_| vec![Address::DIGITAL_INPUT, Address::DIGITAL_OUTPUT]),
+            inputs: exchange.word(Address::DIGITAL_INPUT),
+            outputs: exchange.word(Address::DIGITAL_OUTPUT),
             frames: counts.commands + counts.answers,
             lost: counts.lost,
             recording: !exchange.is_without_log(),

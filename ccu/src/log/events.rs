@@ -14,18 +14,18 @@ use super::view::{address_name, hex, sender_name};
 
 /// The levels of `foxglove.Log` that occur.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Level {
+pub(crate) enum Level {
     Warning = 3,
     Error = 4,
 }
 
 /// One event, still without its time.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Event {
-    pub(super) level: Level,
+pub(crate) struct Event {
+    pub(crate) level: Level,
     /// Whom it is about.
-    pub(super) name: String,
-    pub(super) message: String,
+    pub(crate) name: String,
+    pub(crate) message: String,
 }
 
 /// `foxglove.Log` as JSON.
@@ -81,14 +81,14 @@ impl Event {
     }
 
     /// Bytes that are no frame.
-    pub(super) fn undecodable(bytes: &[u8], error: &FrameError) -> Self {
+    pub(crate) fn undecodable(bytes: &[u8], error: &FrameError) -> Self {
         Self::new(Level::Error, "bus".to_owned(), format!("{error} [{}]", hex(bytes)))
     }
 }
 
 /// What is remembered of earlier frames, so that a lasting alarm is one event and a refusal names the command.
 #[derive(Debug, Default)]
-pub(super) struct Watch {
+pub(crate) struct Watch {
     alarms: BTreeMap<Address, Alarm>,
     /// The latest commands by sequence number, at most [`Watch::COMMANDS`].
     commands: BTreeMap<u64, CommandBytes>,
@@ -99,7 +99,7 @@ impl Watch {
     const COMMANDS: usize = 1_024;
 
     /// The events in a frame. Frames must come in the order of the log.
-    pub(super) fn events(&mut self, frame: &Frame, names: &AxisNames) -> Vec<Event> {
+    pub(crate) fn events(&mut self, frame: &Frame, names: &AxisNames) -> Vec<Event> {
         match &frame.body {
             Body::Command(command) => {
                 if self.commands.len() == Self::COMMANDS {

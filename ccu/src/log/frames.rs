@@ -80,7 +80,8 @@ fn find(path: &Path, names: &AxisNames, name: &str) -> Result<AxisNumber, LogErr
     })
 }
 
-fn concerns(frame: &Frame, axis: AxisNumber) -> bool {
+/// Whether a frame is for this axis or from it.
+pub(crate) fn concerns(frame: &Frame, axis: AxisNumber) -> bool {
     match &frame.body {
         Body::Command(command) => command
             .bytes

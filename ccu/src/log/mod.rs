@@ -33,12 +33,15 @@ use std::path::PathBuf;
 
 use supersigma_protocol::bus::BusError;
 
+pub(crate) use events::{Event, Level, Watch as EventWatch};
+pub(crate) use frames::concerns;
 pub use frames::{FramesCount, frames};
 pub use header::{AxisNames, LogHeader, Timeline, WallTime};
 pub use line::Lines;
 pub use reader::{LogReader, LoggedFrame};
 pub use recorder::run;
 pub use senders::Gap;
+pub(crate) use view::sender_name;
 pub use view::{
     AboutView, AlarmView, AnswerView, AxisView, CommandView, DigitalView, FrameView, RefusalView, ReportView,
     UndecodableView,
