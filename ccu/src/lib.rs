@@ -9,4 +9,5 @@ pub mod home;
 pub mod log;
 pub mod profile;
 pub mod script;
+pub mod serve;
 pub mod watch;
