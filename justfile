@@ -28,6 +28,10 @@ demo:
 docs:
     mdbook build docs
 
+# Draw the book's pictures of the web page; needs Chromium
+pictures:
+    cargo test -p supersigma-ccu --test browser -- --ignored pictures
+
 # Write the manual pages of all commands to target/man
 man:
     cargo run --release -- man target/man

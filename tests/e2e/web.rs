@@ -34,7 +34,8 @@ fn pictures_and_frames_follow_a_movement() {
     let mut events = Events::open(place, "/api/events", &[]);
     let set = events.until("set", |_| true);
     assert_eq!(set, json!({ "up": true, "life": 1, "reason": null, "control": false }));
-    events.until("picture", |picture| picture["set"]["name"] == "cell" && wrist(picture)["position"].is_null());
+    events
+        .until("picture", |picture| picture["set"]["name"] == "cell" && wrist(picture)["position"].is_null());
     cell.ccu("origin wrist").done();
     cell.ccu("move wrist 5000 --speed 1000 --no-wait").done();
     let frames = events.until("frames", |frames| frames["frames"].to_string().contains("Move +5000"));
@@ -79,7 +80,13 @@ fn orders_need_the_token_and_the_option() {
     assert_eq!((too_far.status, &too_far.json()["error"]["code"]), (409, &json!("refused")));
     let unknown = order("move", r#"{"axis":1,"to":100}"#).json();
     assert_eq!(unknown["error"]["code"], "unknown_position");
-    for wrong in [r#"{"axis":7}"#, r#"{"axis":7,"by":1,"to":1}"#, r#"{"axis":8,"by":1}"#, r#"{"axis":7,"buy":1}"#, "move!"] {
+    for wrong in [
+        r#"{"axis":7}"#,
+        r#"{"axis":7,"by":1,"to":1}"#,
+        r#"{"axis":8,"by":1}"#,
+        r#"{"axis":7,"buy":1}"#,
+        "move!",
+    ] {
         assert_eq!(order("move", wrong).status, 400, "{wrong}");
     }
     assert_eq!(order("brake", "{}").status, 200);
@@ -126,7 +133,8 @@ fn a_slow_reader_misses_frames_and_harms_nobody() {
     let mut seen = 0;
     let mut forth = true;
     while seen < 60_000 {
-        cell.ccu(&format!("line left_x={0} right_x={0} --no-wait", if forth { 60_000 } else { -60_000 })).done();
+        cell.ccu(&format!("line left_x={0} right_x={0} --no-wait", if forth { 60_000 } else { -60_000 }))
+            .done();
         forth = !forth;
         let stands = |picture: &Value| picture["axes"][0]["activity"] == "standing";
         let mut moved = false;

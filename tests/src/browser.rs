@@ -36,7 +36,9 @@ impl Browser {
     #[must_use]
     pub fn start() -> Option<Self> {
         let Some(program) = find() else {
-            eprintln!("skipped: none of {PROGRAMS:?} is on the PATH; Debian has it as `apt-get install chromium`");
+            eprintln!(
+                "skipped: none of {PROGRAMS:?} is on the PATH; Debian has it as `apt-get install chromium`"
+            );
             return None;
         };
         let profile = tempfile::Builder::new().prefix("ss-browser").tempdir_in("/tmp").expect("a folder");
@@ -78,8 +80,8 @@ impl Browser {
             _profile: profile,
         };
         let page = browser.call("Target.createTarget", &json!({ "url": "about:blank" }));
-        let attached = browser
-            .call("Target.attachToTarget", &json!({ "targetId": page["targetId"], "flatten": true }));
+        let attached =
+            browser.call("Target.attachToTarget", &json!({ "targetId": page["targetId"], "flatten": true }));
         browser.session = attached["sessionId"].as_str().map(str::to_owned);
         for domain in ["Page", "Runtime", "Log", "Network"] {
             browser.call(&format!("{domain}.enable"), &json!({}));
@@ -158,7 +160,8 @@ impl Browser {
         }
         self.socket.send(Message::text(message.to_string())).expect("the browser lives");
         loop {
-            let message = self.socket.read().unwrap_or_else(|error| panic!("{method} is not answered: {error}"));
+            let message =
+                self.socket.read().unwrap_or_else(|error| panic!("{method} is not answered: {error}"));
             let Ok(text) = message.to_text() else { continue };
             let Ok(mut message) = serde_json::from_str::<Value>(text) else { continue };
             if message["id"] == json!(id) {
@@ -173,10 +176,14 @@ impl Browser {
         let told = &message["params"];
         match message["method"].as_str().unwrap_or_default() {
             "Runtime.exceptionThrown" => self.errors.push(told["exceptionDetails"].to_string()),
-            "Runtime.consoleAPICalled" if ["error", "warning"].contains(&told["type"].as_str().unwrap_or("")) => {
+            "Runtime.consoleAPICalled"
+                if ["error", "warning"].contains(&told["type"].as_str().unwrap_or("")) =>
+            {
                 self.errors.push(told["args"].to_string());
             }
-            "Log.entryAdded" if told["entry"]["level"] == "error" => self.errors.push(told["entry"].to_string()),
+            "Log.entryAdded" if told["entry"]["level"] == "error" => {
+                self.errors.push(told["entry"].to_string())
+            }
             "Network.requestWillBeSent" => {
                 self.requests.extend(told["request"]["url"].as_str().map(str::to_owned));
             }

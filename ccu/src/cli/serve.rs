@@ -124,7 +124,8 @@ fn say(args: &ServeArgs, address: SocketAddr, made: Option<&str>) -> io::Result<
     let secret = made.map(|token| format!("#token={token}")).unwrap_or_default();
     let mut out = io::stdout().lock();
     writeln!(out, "set {} is at http://{place}/{secret}", args.set.name)?;
-    let orders = if args.control { "orders are taken from those who have the token" } else { "for looking only" };
+    let orders =
+        if args.control { "orders are taken from those who have the token" } else { "for looking only" };
     writeln!(out, "{orders}; Ctrl-C ends the server, not the set")?;
     out.flush()
 }

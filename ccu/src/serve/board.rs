@@ -270,7 +270,9 @@ fn event(text: &mut String, name: &str, data: &str) {
 }
 
 fn json_of(value: &impl Serialize) -> Arc<str> {
-    serde_json::to_string(value).unwrap_or_else(|error| json!({ "error": error.to_string() }).to_string()).into()
+    serde_json::to_string(value)
+        .unwrap_or_else(|error| json!({ "error": error.to_string() }).to_string())
+        .into()
 }
 
 #[cfg(test)]

@@ -116,10 +116,13 @@ mod tests {
 
     #[test]
     fn hosts_are_addresses_localhost_and_permitted_names() {
-        for good in ["127.0.0.1:8748", "[::1]:80", "localhost", "LOCALHOST:1", "192.0.2.7", "Robot.example:9"] {
+        for good in ["127.0.0.1:8748", "[::1]:80", "localhost", "LOCALHOST:1", "192.0.2.7", "Robot.example:9"]
+        {
             assert_eq!(answer(&[("host", good)]), Ok(()), "{good}");
         }
-        for wrong in ["evil.example", "127.0.0.1.evil.example", "localhost.evil.example:8748", "robot.example."] {
+        for wrong in
+            ["evil.example", "127.0.0.1.evil.example", "localhost.evil.example:8748", "robot.example."]
+        {
             assert_eq!(answer(&[("host", wrong)]), Err(421), "{wrong}");
         }
         assert_eq!(answer(&[]), Err(400));
@@ -133,7 +136,9 @@ mod tests {
         for good in ["http://localhost:8748", "https://localhost:8748"] {
             assert_eq!(answer(&[here, ("origin", good)]), Ok(()), "{good}");
         }
-        for wrong in ["http://evil.example", "http://localhost:8749", "http://localhost", "null", "file://", ""] {
+        for wrong in
+            ["http://evil.example", "http://localhost:8749", "http://localhost", "null", "file://", ""]
+        {
             assert_eq!(answer(&[here, ("origin", wrong)]), Err(403), "{wrong}");
         }
         assert_eq!(answer(&[here, ("sec-fetch-site", "none")]), Ok(()));

@@ -119,7 +119,8 @@ async fn movement(State(site): State<Arc<Site>>, http: HttpRequest) -> Answer {
 
 async fn output(State(site): State<Arc<Site>>, http: HttpRequest) -> Answer {
     let order: Output = words(&site, http).await?;
-    ask(site.home.clone(), move |set| Ok(Request::Output { bit: set.output(&order.line)?, on: order.on })).await
+    ask(site.home.clone(), move |set| Ok(Request::Output { bit: set.output(&order.line)?, on: order.on }))
+        .await
 }
 
 /// The words of an order. That they must be JSON makes a browser ask first before it sends another site's.
@@ -139,7 +140,8 @@ async fn words<T: DeserializeOwned>(site: &Site, http: HttpRequest) -> Result<T,
             return Err(Problem::new(StatusCode::REQUEST_TIMEOUT, "wrongly_asked", message));
         }
     };
-    serde_json::from_slice(&body).map_err(|error| Problem::wrong(format!("the order makes no sense: {error}")))
+    serde_json::from_slice(&body)
+        .map_err(|error| Problem::wrong(format!("the order makes no sense: {error}")))
 }
 
 fn is_json(headers: &HeaderMap) -> bool {
@@ -234,7 +236,11 @@ impl Set {
     /// Where an axis stands, as its card says now.
     fn position(&mut self, axis: AxisNumber) -> Result<i64, Problem> {
         let Outcome::Axes(states) = self.operate(Request::Status { axes: vec![axis] })? else {
-            return Err(Problem::new(StatusCode::BAD_GATEWAY, "control", "the set has answered something else"));
+            return Err(Problem::new(
+                StatusCode::BAD_GATEWAY,
+                "control",
+                "the set has answered something else",
+            ));
         };
         let state = states.first().and_then(|state| state.report);
         state.and_then(|report| report.position).map(|position| i64::from(position.0)).ok_or_else(|| {

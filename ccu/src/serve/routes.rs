@@ -99,7 +99,8 @@ async fn snapshot(
     let axis = match wanted.axis {
         None => None,
         Some(number) => Some(
-            AxisNumber::new(number).ok_or_else(|| Problem::wrong(format!("{number} is no axis; 1 to 7 are")))?,
+            AxisNumber::new(number)
+                .ok_or_else(|| Problem::wrong(format!("{number} is no axis; 1 to 7 are")))?,
         ),
     };
     let detail = Detail {

@@ -58,7 +58,11 @@ async fn the_page_asks_for_nothing_that_is_not_here() {
         assert_eq!(text(response).await, asset.text);
         // Addresses of other places; the name of SVG's language is not one.
         let rest = asset.text.replace("http://www.w3.org/2000/svg", "");
-        assert!(!rest.contains("http:") && !rest.contains("https:") && !rest.contains("url("), "{}", asset.name);
+        assert!(
+            !rest.contains("http:") && !rest.contains("https:") && !rest.contains("url("),
+            "{}",
+            asset.name
+        );
         let mentioned = rest.split(['"', '\'']).filter_map(|word| {
             word.strip_prefix("assets/").or_else(|| word.strip_prefix("./")).filter(|name| name.contains('.'))
         });
