@@ -57,7 +57,7 @@ impl Events {
         Self(reader)
     }
 
-    /// The next event, by name and data; `None` at the end. What frames the chunks of the answer is skipped.
+    /// The next event, by name and data; `None` at the end.
     pub fn next(&mut self) -> Option<(String, Value)> {
         let mut name = None;
         loop {
@@ -107,7 +107,9 @@ fn send(
     }
     all.retain(|(name, _)| headers.iter().all(|(other, _)| !other.eq_ignore_ascii_case(name)));
     all.extend(headers);
-    let mut text = format!("{request} HTTP/1.1\r\n");
+    // A stream of HTTP/1.0 has no chunks: what is sent is what is read.
+    let version = if once { "1.1" } else { "1.0" };
+    let mut text = format!("{request} HTTP/{version}\r\n");
     for (name, value) in all {
         let _ = write!(text, "{name}: {value}\r\n");
     }
