@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use supersigma_protocol::Address;
 use supersigma_protocol::bus::Lane;
 
-use crate::executive::{AxisState, Failure, Operate, Outcome, Request};
+use crate::executive::{AxisState, Failure, LogTrouble, Operate, Outcome, Request};
 use crate::home::Home;
 
 /// From a client to the daemon.
@@ -127,8 +127,6 @@ pub struct Description {
     pub time_scale: f64,
     /// The log.
     pub log: PathBuf,
-    /// The log's size by now, in bytes; `None` if it cannot be looked at.
-    pub log_bytes: Option<u64>,
     /// Seconds of real time since it is up.
     pub up_s: f64,
     /// What each axis' card said last.
@@ -143,8 +141,84 @@ pub struct Description {
     pub frames: u64,
     /// Frames that were lost.
     pub lost: u64,
-    /// Whether everything is being recorded.
-    pub recording: bool,
+    /// The recorder.
+    pub recorder: RecorderView,
+    /// The processes that the daemon has started.
+    pub processes: Vec<ProcessView>,
+}
+
+/// One process of a set.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ProcessView {
+    /// Its part: `recorder` or `worker`.
+    pub role: ProcessRole,
+    /// A worker's card.
+    pub card: Option<Address>,
+    /// Its number; null while it waits to be started again.
+    pub pid: Option<u32>,
+    /// Whether it does its part.
+    pub state: ProcessState,
+    /// Milliseconds of real time since it was started, or since it ended.
+    pub since_ms: u64,
+    /// How often it has been started again.
+    pub restarts: u32,
+}
+
+/// What a process is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ProcessRole {
+    /// It writes the log.
+    Recorder,
+    /// It plays a card.
+    Worker,
+}
+
+/// Whether a process does its part.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ProcessState {
+    /// It does.
+    Running,
+    /// It lives, but nothing has been heard of it for too long.
+    Silent,
+    /// It has ended, and will be started again.
+    Restarting,
+    /// It has ended.
+    Ended,
+}
+
+/// The recorder, as the daemon knows it. News comes every 250 ms.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RecorderView {
+    /// What it does.
+    pub state: RecorderState,
+    /// The file that is being written, or was last.
+    pub log: PathBuf,
+    /// All files of the log, in order.
+    pub parts: Vec<PathBuf>,
+    /// Frames in the log.
+    pub frames: u64,
+    /// Frames that are missing in it.
+    pub lost: u64,
+    /// The length of its files.
+    pub bytes: u64,
+    /// The greatest real time, in milliseconds, by which it lately was behind the bus.
+    pub behind_ms: u64,
+    /// Why nothing moves; null if nothing is wrong with the log.
+    pub trouble: Option<LogTrouble>,
+}
+
+/// What the recorder does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RecorderState {
+    /// It records.
+    Recording,
+    /// It has ended, or cannot write.
+    Stopped,
+    /// There is no room for the log.
+    DiskFull,
 }
 
 /// The last words about a set.
@@ -156,8 +230,12 @@ pub struct DownReport {
     pub sent: u64,
     /// Frames in the log; `None` if the recorder did not say.
     pub logged: Option<u64>,
-    /// The log's size in bytes.
+    /// Frames that are missing in it.
+    pub lost: Option<u64>,
+    /// The log's size in bytes, all files together.
     pub bytes: Option<u64>,
+    /// Its files, in order.
+    pub parts: Vec<PathBuf>,
 }
 
 /// A client of a daemon.

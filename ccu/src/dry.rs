@@ -18,7 +18,8 @@ use supersigma_protocol::{
 };
 
 use crate::executive::{Common, Failure, Heard, Knowledge, Link};
-use crate::log::{LogError, LogHeader, LogSummary, LogWriter};
+use crate::log::{LogError, LogHeader, LogSummary, LogWriter, Rotation};
+use crate::plot::Timing;
 
 /// Where pulses go.
 pub trait PulseWriter {
@@ -85,6 +86,7 @@ pub struct DrySet<P> {
     cards: Vec<Seat<P>>,
     pulses: P,
     log: Option<(InProcessTap, LogWriter)>,
+    timing: Timing,
 }
 
 /// A card and its port.
@@ -143,10 +145,12 @@ impl<P: PulseWriter> DrySet<P> {
         let log = match log {
             Some((path, header)) => {
                 let flush = Duration::from_millis(knowledge.config.log.flush_ms.into());
-                Some((bus.tap()?, LogWriter::create(path, header, flush)?))
+                let writer = LogWriter::create(path, header, flush)?;
+                Some((bus.tap()?, writer.rotating(Rotation::from(&knowledge.config.log))))
             }
             None => None,
         };
+        let mut timing = Timing::default();
         let (transmit, receive) = bus.ccu()?;
         let mut cards = Vec::new();
         for axis in &knowledge.config.axes {
@@ -161,7 +165,7 @@ impl<P: PulseWriter> DrySet<P> {
             let mut seat = Seat { card, transmit, receive, sequence: Sequence(0), said };
             let joined = seat.card.speak(Occasion::Joined);
             seat.said.answers.push(joined);
-            seat.flush()?;
+            seat.flush(&mut timing)?;
             Ok(seat)
         });
         let cards = seats.collect::<Result<_, BusError>>()?;
@@ -176,7 +180,16 @@ impl<P: PulseWriter> DrySet<P> {
             cards,
             pulses,
             log,
+            timing,
         })
+    }
+
+    /// What has taken how long, up to now.
+    #[must_use]
+    pub fn timing(&self) -> Timing {
+        let mut timing = self.timing.clone();
+        timing.close(self.now);
+        timing
     }
 
     /// The virtual time.
@@ -193,7 +206,7 @@ impl<P: PulseWriter> DrySet<P> {
         for seat in &mut self.cards {
             let answer = seat.card.speak(Occasion::Leaving);
             seat.said.answers.push(answer);
-            seat.flush()?;
+            seat.flush(&mut self.timing)?;
         }
         self.log_frames()?;
         let summary = self.log.map(|(_, writer)| writer.finish()).transpose()?;
@@ -209,7 +222,7 @@ impl<P: PulseWriter> DrySet<P> {
                     seat.card.hear(&frame, &mut seat.said);
                 }
             }
-            seat.flush().map_err(bus_gone)?;
+            seat.flush(&mut self.timing).map_err(bus_gone)?;
         }
         self.write_pulses()?;
         self.log_frames().map_err(bus_gone)
@@ -219,6 +232,7 @@ impl<P: PulseWriter> DrySet<P> {
         let sequence = self.sequence;
         self.sequence = sequence.next();
         let frame = Frame { sender: Sender::Ccu, sequence, tick: self.now, body };
+        self.timing.hear(&frame);
         self.transmit.send(&frame.encode(), Wake::Everyone).map_err(bus_gone)?;
         self.exchange()?;
         Ok(sequence)
@@ -258,7 +272,7 @@ impl<P: PulseWriter> DrySet<P> {
 }
 
 impl<P> Seat<P> {
-    fn flush(&mut self) -> Result<(), BusError> {
+    fn flush(&mut self, timing: &mut Timing) -> Result<(), BusError> {
         for answer in self.said.answers.drain(..) {
             let frame = Frame {
                 sender: Sender::Card(self.card.address()),
@@ -267,6 +281,7 @@ impl<P> Seat<P> {
                 body: Body::Answer(answer),
             };
             self.sequence = self.sequence.next();
+            timing.hear(&frame);
             self.transmit.send(&frame.encode(), Wake::Everyone)?;
         }
         Ok(())

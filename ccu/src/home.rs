@@ -15,7 +15,7 @@ use miette::Diagnostic;
 use rustix::fs::{FlockOperation, flock};
 
 /// The name of a set: 1 to 32 letters, digits, `-` and `_`, beginning with a letter or digit.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct SetName(String);
 
 /// A name that is none.
@@ -77,16 +77,22 @@ impl Home {
     /// # Errors
     /// If the folder cannot be made, or is not ours alone.
     pub fn of(name: SetName) -> Result<Self, HomeError> {
-        let base = match std::env::var_os("XDG_RUNTIME_DIR").filter(|dir| Path::new(dir).is_absolute()) {
-            Some(dir) => PathBuf::from(dir).join("supersigma"),
-            None => std::env::temp_dir().join(format!("supersigma-{}", rustix::process::getuid().as_raw())),
+        Ok(Self { name, base: base()? })
+    }
+
+    /// The names of all sets of ours that have a lock on this machine, in order. Whether they live, their daemons tell.
+    ///
+    /// # Errors
+    /// If the folder cannot be read.
+    pub fn names() -> Result<Vec<SetName>, HomeError> {
+        let base = base()?;
+        let entries = fs::read_dir(&base).map_err(io_error("read", &base))?;
+        let name = |entry: io::Result<fs::DirEntry>| {
+            entry.ok()?.file_name().to_str()?.strip_suffix(".lock")?.parse().ok()
         };
-        private_folder(&base)?;
-        let owner = fs::symlink_metadata(&base).map_err(io_error("look at", &base))?;
-        if owner.uid() != rustix::process::getuid().as_raw() || owner.mode() & 0o077 != 0 || !owner.is_dir() {
-            return Err(HomeError::NotOurs(base));
-        }
-        Ok(Self { name, base })
+        let mut names: Vec<SetName> = entries.filter_map(name).collect();
+        names.sort();
+        Ok(names)
     }
 
     /// The set's name.
@@ -211,6 +217,20 @@ pub fn default_log(name: &SetName, now: jiff::Timestamp) -> Result<PathBuf, Home
     };
     private_folder(&folder)?;
     Ok(folder.join(file))
+}
+
+/// Where all sets of ours live.
+fn base() -> Result<PathBuf, HomeError> {
+    let base = match std::env::var_os("XDG_RUNTIME_DIR").filter(|dir| Path::new(dir).is_absolute()) {
+        Some(dir) => PathBuf::from(dir).join("supersigma"),
+        None => std::env::temp_dir().join(format!("supersigma-{}", rustix::process::getuid().as_raw())),
+    };
+    private_folder(&base)?;
+    let owner = fs::symlink_metadata(&base).map_err(io_error("look at", &base))?;
+    if owner.uid() != rustix::process::getuid().as_raw() || owner.mode() & 0o077 != 0 || !owner.is_dir() {
+        return Err(HomeError::NotOurs(base));
+    }
+    Ok(base)
 }
 
 fn private_folder(path: &Path) -> Result<(), HomeError> {

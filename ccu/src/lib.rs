@@ -7,6 +7,7 @@ pub mod dry;
 pub mod executive;
 pub mod home;
 pub mod log;
+pub mod plot;
 pub mod profile;
 pub mod script;
 pub mod serve;

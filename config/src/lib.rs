@@ -23,8 +23,8 @@ pub use fault::{ConfigError, Fault};
 pub use load::DEFAULT_TOML;
 pub use model::{
     AxisConfig, Config, DigitalConfig, ExecutiveConfig, Feedback, FollowingConfig, InputConfig, LineConfig,
-    LogConfig, OriginationConfig, OutputConfig, RailConfig, RampConfig, ShortMoves, SupervisionConfig,
-    TravelConfig,
+    LogConfig, OnLoss, OriginationConfig, OutputConfig, RailConfig, RampConfig, ShortMoves,
+    SupervisionConfig, TravelConfig,
 };
 pub use motor::{HALF_STEPS_PER_CYCLE, MotorConfig, MotorError};
 pub use origin::{Origin, Source};

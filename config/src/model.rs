@@ -130,11 +130,13 @@ pub struct SupervisionConfig {
     /// Real milliseconds of silence after which a card counts as hung: more than two heartbeats.
     #[schemars(range(min = 1))]
     pub silent_ms: u32,
+    /// Whether a worker, or the recorder, that ends unasked is started again.
+    pub restart: bool,
 }
 
 impl Default for SupervisionConfig {
     fn default() -> Self {
-        Self { heartbeat_ms: 100, silent_ms: 450 }
+        Self { heartbeat_ms: 100, silent_ms: 450, restart: true }
     }
 }
 
@@ -147,12 +149,32 @@ pub struct LogConfig {
     pub flush_ms: u32,
     /// Milliseconds of machine time from one report of a moving axis' position and speed to the next; 0 for none.
     pub sample_ms: u32,
+    /// What follows when frames are missing in the log.
+    pub on_loss: OnLoss,
+    /// The length in megabytes, 0.1 or more, at which the log goes on in another file. Without it, length does not matter.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.1))]
+    pub rotate_mb: Option<f64>,
+    /// The real minutes, 0.01 or more, after which the log goes on in another file. Without it, time does not matter.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.01))]
+    pub rotate_min: Option<f64>,
 }
 
 impl Default for LogConfig {
     fn default() -> Self {
-        Self { flush_ms: 100, sample_ms: 10 }
+        Self { flush_ms: 100, sample_ms: 10, on_loss: OnLoss::Warn, rotate_mb: None, rotate_min: None }
     }
+}
+
+/// What follows when frames are missing in the log.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum OnLoss {
+    /// They are counted and told; motion goes on.
+    Warn,
+    /// All axes brake, and nothing moves until the set is taken down and up again.
+    Stop,
 }
 
 /// One axis: a card, its motor and its rail.

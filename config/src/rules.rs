@@ -23,6 +23,7 @@ pub(crate) struct Finding {
 pub(crate) fn check(config: &Config) -> Vec<Finding> {
     let mut findings = Findings(Vec::new());
     findings.milliseconds(config);
+    findings.rotation(config);
     let set_ramp = config.ramp.counts();
     let root = KeyPath::default();
     if let Err(error) = &set_ramp {
@@ -97,6 +98,20 @@ impl Findings {
             let table = KeyPath::default().key("supervision");
             let problem = Problem::SilenceTooShort { silent_ms, heartbeat_ms };
             self.between(table.key("silent_ms"), table.key("heartbeat_ms"), problem);
+        }
+    }
+
+    fn rotation(&mut self, config: &Config) {
+        for (key, value, least, unit) in [
+            ("rotate_mb", config.log.rotate_mb, 0.1, "megabytes"),
+            ("rotate_min", config.log.rotate_min, 0.01, "minutes"),
+        ] {
+            if value.is_some_and(|value| !(value >= least && value.is_finite())) {
+                let reason = format!(
+                    "a part of the log has at least {least} {unit}; leave the key out to have one file"
+                );
+                self.add(KeyPath::default().key("log").key(key), Problem::Refused { reason });
+            }
         }
     }
 

@@ -128,6 +128,26 @@ impl Operation {
         !matches!(self, Self::Status | Self::Halt | Self::Brake | Self::Clear | Self::ReadInputs)
     }
 
+    /// All names, in the order of the operation bytes.
+    pub const NAMES: [&'static str; 16] = [
+        "Move",
+        "MoveLimited",
+        "Slew",
+        "Originate",
+        "Status",
+        "Halt",
+        "Brake",
+        "SeekReference",
+        "Lead",
+        "ArmLine",
+        "Go",
+        "Clear",
+        "ReadInputs",
+        "WriteOutputs",
+        "Rest",
+        "Join",
+    ];
+
     /// The operation's name, as people read it in tables and logs.
     #[must_use]
     pub const fn name(&self) -> &'static str {

@@ -16,6 +16,14 @@ fn braked(axis: &Value) -> bool {
     axis["activity"] == "standing" && axis["alarm"]["cause"] == "braked"
 }
 
+/// A cell in which nobody who is gone comes back.
+fn for_good() -> Cell {
+    let cell = Cell::new(EXE);
+    fs::write(cell.config(), changed(&patient(), "restart = true ", "restart = false "))
+        .expect("a configuration");
+    cell
+}
+
 /// Brings a set up, and axis 1 to its way.
 fn moving(cell: &Cell) -> supersigma_tests::Up {
     let up = cell.up("2");
@@ -73,7 +81,7 @@ fn the_ccu_is_killed_and_nobody_runs_on() {
 
 #[test]
 fn a_worker_is_killed_and_the_others_brake() {
-    let cell = Cell::new(EXE);
+    let cell = for_good();
     let up = moving(&cell);
     let waiting = cell.start("move left_y 20000 --constant --speed 650");
     cell.until("left_y", "at its speed", |axis| axis["activity"] == "cruising");
@@ -101,7 +109,7 @@ fn a_worker_is_killed_and_the_others_brake() {
 
 #[test]
 fn the_recorder_is_killed_and_nothing_moves_without_a_log() {
-    let cell = Cell::new(EXE);
+    let cell = for_good();
     let up = moving(&cell);
     let waiting = cell.start("move left_y 20000 --constant --speed 650");
     cell.until("left_y", "at its speed", |axis| axis["activity"] == "cruising");
@@ -119,7 +127,7 @@ fn the_recorder_is_killed_and_nothing_moves_without_a_log() {
     let ran = waiting.end();
     assert_eq!(ran.code(), Some(1), "{ran}");
     assert!(
-        ["the recorder is gone, and nothing moves without a log", "axis 2 (left_y) is in alarm"]
+        ["the recorder is gone (signal: 9 (SIGKILL))", "axis 2 (left_y) is in alarm"]
             .iter()
             .any(|why| ran.complaint().contains(why)),
         "{ran}"
@@ -129,7 +137,10 @@ fn the_recorder_is_killed_and_nothing_moves_without_a_log() {
     }
     cell.ccu("clear").done();
     for line in ["move left_x 10", "line left_x=10 left_y=10", "origin", "output lamp on"] {
-        cell.ccu(line).fails(1, &["the recorder is gone, and nothing moves without a log", "free space"]);
+        cell.ccu(line).fails(
+            1,
+            &["the recorder is gone (signal: 9 (SIGKILL))", "; nothing moves without a log", "free space"],
+        );
     }
     let status = cell.ccu("status").good();
     assert!(status.stdout.contains("NO LOG ANY MORE, was "), "{status}");

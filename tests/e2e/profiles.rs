@@ -1,7 +1,7 @@
 //! `ccu profile`: what is planned, against a plain rate generator that knows nothing of ramps.
 
 use std::collections::BTreeSet;
-use std::iter;
+use std::{fs, iter};
 
 use serde_json::Value;
 use supersigma_tests::Cell;
@@ -106,4 +106,47 @@ fn the_ramp_table_is_that_of_the_paper() {
         (differences.len(), differences.iter().max(), differences.iter().sum()),
         (232, Some(&163), 2_944_u64)
     );
+}
+
+#[test]
+fn a_dry_run_and_its_log_become_pictures() {
+    let cell = Cell::new(EXE);
+    let program = cell.file("two.rhai", "origin(1); move_by(1, 3000); try { move_by(1, -9000); } catch {}");
+    let line = format!("run --dry-run --json --log run.mcap --plot run.svg {}", program.display());
+    let said = cell.ccu(&line).good().json();
+    let timing = said.iter().find_map(|line| line.get("timing")).expect("a dry run tells its timing");
+    assert_eq!(
+        (&timing["axes"][0]["movements"], &timing["axes"][0]["out_of_travel"]),
+        (&2.into(), &1.into())
+    );
+    assert_eq!(timing["out_of_travel"][0]["axis"], 1);
+    let gantt = fs::read_to_string(cell.path("run.svg")).expect("a picture");
+    assert!(gantt.contains("Dry run of two.rhai") && gantt.contains("search for the origin"), "{gantt}");
+    cell.ccu("plot run.mcap -o run.png --size 900x640").done();
+    let png = fs::read(cell.path("run.png")).expect("a picture");
+    // The header of a PNG: eight bytes of signature, then a chunk that begins with width and height.
+    assert_eq!(png[16..24], [0, 0, 1_800_u32.to_be_bytes()[2], 1_800_u32.to_be_bytes()[3], 0, 0, 5, 0]);
+    // A log that is cut is shown as far as it goes.
+    let whole = fs::read(cell.path("run.mcap")).expect("a log");
+    fs::write(cell.path("cut.mcap"), &whole[..whole.len() * 2 / 3]).expect("a file can be written");
+    let cut = cell.ccu("plot cut.mcap -o cut.svg");
+    assert!(cut.code() == Some(0) && cut.stderr.contains("ends in the middle of a record"), "{cut}");
+    let picture = fs::read_to_string(cell.path("cut.svg")).expect("a picture");
+    assert!(picture.contains("cut short") && picture.contains("steps/s"), "{picture}");
+}
+
+#[test]
+fn pictures_that_cannot_be_say_why() {
+    let cell = Cell::new(EXE);
+    cell.run(&["run", "--dry-run", "--log", "run.mcap", "-e", "origin(1)"]).done();
+    cell.run(&["run", "--dry-run", "--log", "still.mcap", "-e", "output(0, true)"]).done();
+    cell.ccu("plot run.mcap -o run.jpg").fails(2, &["run.jpg", ".svg or .png"]);
+    cell.ccu("plot run.mcap -o run.svg --axis left_q").fails(2, &["left_q", "did you mean `left_"]);
+    cell.ccu("plot run.mcap -o run.svg --from 90 --to 95")
+        .fails(2, &["has nothing from 90.000 s", "it goes from"]);
+    cell.ccu("plot run.mcap -o run.svg --from 2 --to 1").fails(2, &["ends before it begins"]);
+    cell.ccu("plot run.mcap -o run.svg --size 300x200").fails(2, &["300x200 is too small", "at least 480x"]);
+    cell.ccu("plot still.mcap -o run.svg").fails(2, &["nothing moves in the log still.mcap"]);
+    cell.ccu("plot --profile -o run.svg --which table --steps 5").fails(2, &["--steps is for --which speed"]);
+    assert!(!cell.path("run.svg").exists());
 }

@@ -45,7 +45,8 @@ fn pictures_and_frames_follow_a_movement() {
     let snapshot = ask(place, "GET /api/snapshot?frames=3&axis=7&text=5000&history=50", &[], "").json();
     assert_eq!((&wrist(&snapshot)["sense"], &wrist(&snapshot)["position"]), (&json!("00010"), &json!(5000)));
     assert!(snapshot["frames"].to_string().contains("+5000"), "{}", snapshot["frames"]);
-    assert!(wrist(&snapshot)["speed_history"].as_array().is_some_and(|slots| slots.contains(&json!(0.0))));
+    let speeds = wrist(&snapshot)["speed_history"].as_array().expect("a history");
+    assert!(speeds.iter().any(|speed| speed.as_f64() > Some(900.0)), "{speeds:?}");
     cell.ccu("inject wrist force").done();
     let alarms = events.until("events", |events| events["events"].to_string().contains("locked"));
     assert!(alarms.to_string().contains("wrist is locked: excessive force"), "{alarms}");
@@ -132,7 +133,7 @@ fn a_slow_reader_misses_frames_and_harms_nobody() {
     // More than the board keeps and the system holds for one who does not read.
     let mut seen = 0;
     let mut forth = true;
-    while seen < 60_000 {
+    while seen < 15_000 {
         let (by, target) = if forth { (60_000, 60_000) } else { (-60_000, 0) };
         cell.ccu(&format!("line left_x={by} right_x={by} --no-wait")).done();
         forth = !forth;

@@ -133,7 +133,8 @@ impl Cell {
     /// What the axes are doing, one object an axis.
     #[must_use]
     pub fn status(&self) -> Vec<Value> {
-        self.ccu("status --json").good().json()
+        let lines = self.ccu("status --json").good().json();
+        lines.into_iter().filter(|line| line.get("axis").is_some()).collect()
     }
 
     /// What one axis is doing.

@@ -40,6 +40,12 @@ impl Curve {
         }
     }
 
+    /// Seconds from entry 0 of the table to its last one.
+    #[must_use]
+    pub fn end(&self) -> f64 {
+        self.end
+    }
+
     /// Steps per second, `seconds` after the start.
     #[must_use]
     pub fn speed(&self, seconds: f64) -> f64 {

@@ -73,7 +73,7 @@ impl<S: Sink> Seat<S> {
         match act {
             Act::Command(operation) => self.command(*operation, None),
             Act::Fault(fault) => {
-                self.give(Body::Fault(self.card.as_axis().expect("a motor card").number(), *fault))
+                self.give(Body::Fault(self.card.as_axis().expect("a motor card").number(), *fault));
             }
             Act::Line(lead, own, direction) => {
                 self.command(Operation::Lead { distance: distance(*lead), limit: None }, None);

@@ -5,14 +5,20 @@ mod ask;
 mod asked;
 mod config;
 mod exit;
+mod logs;
+mod monitor;
 mod panel;
 mod paper;
+mod plot;
 mod profile;
+mod progress;
+mod ps;
 mod run;
 mod serve;
 mod service;
 mod set;
 mod show;
+mod timing;
 mod word;
 
 use std::path::PathBuf;
@@ -123,6 +129,13 @@ The set need not be up: the page waits for it, and for its return. Everything be
 token, if there is one; what programs can read and order there is described in the book, \"The web
 interface\".")]
     Serve(serve::ServeArgs),
+    /// A dashboard: rails, speeds, lamps, frames and events as they happen, and keys that halt and brake
+    #[command(after_help = "\
+Examples:
+  ccu monitor                         the keys are shown with `?`; `q` quits
+  ccu monitor --name cell-2
+  ccu monitor --once --size 120x40    one picture as text, for a file or a message")]
+    Monitor(monitor::MonitorArgs),
     /// Show the digital inputs, or one of them
     #[command(after_help = "Examples:\n  ccu input\n  ccu input guard_closed\n  ccu input --json")]
     Input(panel::InputArgs),
@@ -158,9 +171,36 @@ Examples:
   ccu inject left_x lost-steps=40          the next 40 pulses do not reach the motor
   ccu inject left_x switch=open            the limit switch never closes (closed, free)")]
     Inject(panel::InjectArgs),
+    /// The processes of the sets that are up
+    #[command(after_help = "Examples:\n  ccu ps\n  ccu ps --name cell-2 --json")]
+    Ps(ps::PsArgs),
+    /// Kill a worker on purpose, or let it hang, to see what happens
+    #[command(after_help = "\
+Examples:
+  ccu kill-worker left_x                   its process ends; it is started again, and its axis has no position
+  ccu kill-worker left_x --signal stop     it hangs
+  ccu kill-worker left_x --signal cont     it goes on
+  ccu kill-worker digital")]
+    KillWorker(ps::KillWorkerArgs),
     /// Show the frames of a log
-    #[command(after_help = "Examples:\n  ccu frames run.mcap\n  ccu frames run.mcap --axis left_x --json")]
-    Frames(FramesArgs),
+    #[command(after_help = "\
+Examples:
+  ccu frames run.mcap
+  ccu frames run.mcap --axis left_x --json
+  ccu frames run.mcap --from 12.5 --to 13     the frames of half a second
+  ccu frames run.mcap --op move --csv         the Move commands and the answers to them, as a table")]
+    Frames(logs::FramesArgs),
+    /// Look at a log as a whole
+    #[command(subcommand)]
+    Log(logs::LogCommand),
+    /// Make a complete log of one that was cut or damaged
+    #[command(after_help = "\
+Everything that is whole is kept as it is, and nothing is made up. What was lost is told.
+
+Examples:
+  ccu recover run.mcap -o whole.mcap
+  ccu recover run.mcap -o whole.mcap --json")]
+    Recover(logs::RecoverArgs),
     /// The ramp table of an axis, or the pulses of one movement
     #[command(after_help = "\
 Examples:
@@ -168,6 +208,19 @@ Examples:
   ccu profile --steps 5184            a movement, planned and run on the machine
   ccu profile --steps 200 --method paper --json --pulses")]
     Profile(profile::ProfileArgs),
+    /// Draw what a log holds, or how a ramp is made, as SVG or PNG
+    #[command(after_help = "\
+Examples:
+  ccu plot run.mcap -o run.svg                  speed, position and sense points of what moved
+  ccu plot run.mcap -o run.png --axis left_x,left_y --from 2 --to 3.5
+  ccu plot run.mcap -o plane.svg --what plane   speed over position, with the limit zones
+  ccu plot run.mcap -o gantt.svg --what timing  movements and digital lines as bars
+  ccu plot --profile -o table.svg               the ramp table
+  ccu plot --profile --steps 5184 -o move.svg   one movement, and the curve behind it
+  ccu plot --profile --which speed -o fig10.svg --method paper
+
+A file that is there already is replaced.")]
+    Plot(plot::PlotArgs),
     /// Check, show and describe configurations
     #[command(subcommand)]
     Config(config::ConfigCommand),
@@ -206,21 +259,12 @@ struct StartArgs {
     /// The log; must not exist yet [default: a new file in ~/.local/state/supersigma]
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
+    /// Go on in another file when one is so long, or so old: 100MB, 2GB, 10min, 1h
+    #[arg(long, value_name = "SIZE|TIME")]
+    log_rotate: Option<set::LogRotate>,
     /// How many times faster than real time
     #[arg(long, value_name = "K", default_value_t = TimeScale::REAL)]
     time_scale: TimeScale,
-}
-
-#[derive(Args)]
-struct FramesArgs {
-    /// The log
-    log: PathBuf,
-    /// Only frames of, or to, this axis
-    #[arg(long)]
-    axis: Option<String>,
-    /// One JSON object a frame
-    #[arg(long)]
-    json: bool,
 }
 
 /// Runs the command that was typed.
@@ -265,32 +309,28 @@ impl Command {
             Self::Clear(args) => ask::clear(&args),
             Self::Status(args) => ask::status(&args),
             Self::Serve(args) => serve::serve(&args),
+            Self::Monitor(args) => monitor::monitor(&args),
             Self::Input(args) => panel::input(&args),
             Self::Output(args) => panel::output(&args),
             Self::Send(args) => panel::send(&args),
             Self::Word(args) => word::word(&args),
             Self::Inject(args) => panel::inject(&args),
-            Self::Frames(args) => frames(&args),
+            Self::Ps(args) => ps::ps(&args),
+            Self::KillWorker(args) => ps::kill_worker(&args),
+            Self::Frames(args) => logs::frames(&args),
+            Self::Log(command) => logs::log(&command),
+            Self::Recover(args) => logs::recover(&args),
             Self::Profile(args) => profile::profile(&args),
+            Self::Plot(args) => plot::plot(&args),
             Self::Config(command) => config::config(&command),
             Self::Completions(args) => paper::completions(&args),
             Self::Man(args) => paper::man(&args),
             Self::AxisWorker(args) => worker::run(&args).into_diagnostic().map_err(Exit::could_not),
-            Self::Recorder(args) => recorder::record(&args).map_err(Exit::could_not),
+            Self::Recorder(args) => match recorder::record(&args) {
+                Ok(true) => Ok(()),
+                Ok(false) => Err(Exit::silent(1)),
+                Err(report) => Err(Exit::could_not(report)),
+            },
         }
     }
-}
-
-fn frames(args: &FramesArgs) -> Result<(), Exit> {
-    let mut out = std::io::BufWriter::new(std::io::stdout().lock());
-    let counts = crate::log::frames(&args.log, args.axis.as_deref(), args.json, &mut out)
-        .into_diagnostic()
-        .map_err(Exit::wrong)?;
-    if counts.truncated {
-        exit::say(&format!(
-            "the log ends in the middle of a record; the {} frames before that are shown",
-            counts.printed
-        ));
-    }
-    Ok(())
 }

@@ -203,7 +203,7 @@ mod tests {
             for known in ["origin", "completions", "time-scale"] {
                 assert!(script.contains(known), "{known} for {shell}");
             }
-            for hidden in ["axis-worker", "recorder", "detached"] {
+            for hidden in ["axis-worker", "wall-epoch", "detached"] {
                 assert!(!script.contains(&format!("{hidden} ")), "{hidden} for {shell}");
             }
         }

@@ -42,11 +42,20 @@ pub(super) struct ProfileArgs {
 }
 
 #[derive(Clone, Copy, ValueEnum)]
-enum Way {
+pub(super) enum Way {
     /// Up the curve and back down it
     Optimal,
     /// As in 1980
     Paper,
+}
+
+impl From<Way> for ShortMoves {
+    fn from(way: Way) -> Self {
+        match way {
+            Way::Optimal => Self::Optimal,
+            Way::Paper => Self::Paper,
+        }
+    }
 }
 
 pub(super) fn profile(args: &ProfileArgs) -> Result<(), Exit> {
@@ -56,10 +65,8 @@ pub(super) fn profile(args: &ProfileArgs) -> Result<(), Exit> {
         return Err(Exit::wrong(miette!("there is no axis {:?}; there are {}", args.axis, names.join(", "))));
     };
     let mut ramp = config.ramp_of(axis).clone();
-    match args.method {
-        Some(Way::Optimal) => ramp.short_moves = ShortMoves::Optimal,
-        Some(Way::Paper) => ramp.short_moves = ShortMoves::Paper,
-        None => {}
+    if let Some(way) = args.method {
+        ramp.short_moves = way.into();
     }
     let table = Table::new(&ramp).map_err(|error| Exit::wrong(miette!("{error}")))?;
     let mut out = BufWriter::new(io::stdout().lock());

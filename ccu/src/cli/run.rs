@@ -7,7 +7,7 @@
 use std::fs::{self, File};
 use std::io::{self, BufWriter, IsTerminal, Read, Write};
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -18,7 +18,8 @@ use supersigma_protocol::Ticks;
 
 use super::asked::Asked;
 use super::exit::Exit;
-use super::{SetArgs, StartArgs, config, set, show};
+use super::progress::{Expected, Progress};
+use super::{SetArgs, StartArgs, set, show, timing};
 use crate::control::{Client, DownReport};
 use crate::daemon::{Daemon, Options};
 use crate::dry::{DryError, DrySet, NoPulses, PulseCsv, PulseWriter};
@@ -49,6 +50,9 @@ pub(super) struct RunArgs {
     /// Write every pulse of a dry run: tick,axis,position
     #[arg(long, value_name = "FILE", requires = "dry_run")]
     pulses: Option<PathBuf>,
+    /// Draw a dry run, movements and digital lines as bars: .svg or .png
+    #[arg(long, value_name = "FILE", requires = "dry_run")]
+    plot: Option<PathBuf>,
     /// One JSON object a movement, print or summary
     #[arg(long)]
     json: bool,
@@ -86,7 +90,8 @@ fn source(args: &RunArgs) -> Result<(String, String), Exit> {
 }
 
 fn dry_run(args: &RunArgs, program: &Program, source: String) -> Result<(), Exit> {
-    let config = config::load(args.start.config.as_deref())?;
+    args.plot.as_deref().map_or(Ok(()), timing::check_name)?;
+    let config = set::start_config(&args.start)?;
     let header = LogHeader {
         set: args.set.name.to_string(),
         names: AxisNames::from(&config),
@@ -126,15 +131,23 @@ fn run_dry<P: PulseWriter + Send + 'static>(
     let executive =
         Arc::into_inner(operator).ok_or_else(|| Exit::could_not(miette!("the dry set is still held")))?;
     let set = executive.into_inner().unwrap_or_else(PoisonError::into_inner).into_link();
+    let timing = set.timing();
     let elapsed = set.elapsed();
     let log = args.start.log.as_ref();
     let (pulses, summary) = set.finish().map_err(|error| dry_error(&error))?;
+    // How far a program came that failed is worth seeing, too.
+    timing::tell(&timing, &knowledge.config, args.json)?;
+    if let Some(path) = &args.plot {
+        timing::draw(&timing, &knowledge.config, program.name(), path)?;
+    }
     result.map_err(|error| Exit::of_program(error, knowledge))?;
     let log = log.zip(summary).map(|(path, summary)| DownReport {
         log: path.clone(),
         sent: summary.frames,
         logged: Some(summary.frames),
+        lost: Some(summary.lost),
         bytes: Some(summary.bytes),
+        parts: summary.parts,
     });
     tell_summary(args.json, &totals, elapsed, log.as_ref())?;
     Ok(pulses)
@@ -144,12 +157,13 @@ fn on_a_set_that_is_up(args: &RunArgs, program: &Program) -> Result<(), Exit> {
     let start = &args.start;
     if start.config.is_some()
         || start.log.is_some()
+        || start.log_rotate.is_some()
         || start.time_scale != axis_worker::clock::TimeScale::REAL
     {
         let name = &args.set.name;
         return Err(Exit::wrong(miette!(
             help = format!("leave these options out, or take the set down first: `ccu down --name {name}`"),
-            "set {name} is up already; --config, --log and --time-scale are for a set that is started"
+            "set {name} is up already; --config, --log, --log-rotate and --time-scale are for a set that is started"
         )));
     }
     let asked = Asked::connect(&args.set)?;
@@ -157,10 +171,8 @@ fn on_a_set_that_is_up(args: &RunArgs, program: &Program) -> Result<(), Exit> {
     let knowledge = Arc::clone(&asked.knowledge);
     let failed = |error| Exit::of_program(error, &knowledge);
     // The state of the set is not known here, so only what is wrong with the program itself counts.
-    rehearse(program, &knowledge)?
-        .filter(|error| !error.is_robots_fault())
-        .map_or(Ok(()), Err)
-        .map_err(failed)?;
+    let Rehearsal { failure, expected } = rehearse(program, &knowledge)?;
+    failure.filter(|error| !error.is_robots_fault()).map_or(Ok(()), Err).map_err(failed)?;
     let stop = Arc::new(AtomicBool::new(false));
     let hang_up = asked.client.hang_up()?;
     let runtime = set::runtime()?;
@@ -172,26 +184,27 @@ fn on_a_set_that_is_up(args: &RunArgs, program: &Program) -> Result<(), Exit> {
         flag.store(true, Ordering::Release);
         hang_up();
     });
-    let teller = Teller::new(args.json, &knowledge);
-    let (totals, began) = (teller.totals(), Instant::now());
+    let teller = Teller::new(args.json, &knowledge).with_progress(expected, scale);
+    let (totals, progress, began) = (teller.totals(), teller.progress(), Instant::now());
     let client = Arc::new(Mutex::new(asked.client.of_a_program()));
     let limits = Limits { operations: None, stop };
-    program.run(client, Arc::clone(&knowledge), teller, &limits).map_err(failed)?;
+    let result = program.run(client, Arc::clone(&knowledge), teller, &limits);
+    progress.end();
+    result.map_err(failed)?;
     tell_summary(args.json, &totals, machine_time(began, scale), None)
 }
 
 fn on_a_set_of_its_own(args: &RunArgs, home: &Home, program: &Program, source: String) -> Result<(), Exit> {
-    let config = config::load(args.start.config.as_deref())?;
+    let config = set::start_config(&args.start)?;
     let knowledge = knowledge(config.clone())?;
     // The set will be just switched on, as the rehearsed one: what the robot refuses there, it will refuse here.
     let known = Arc::clone(&knowledge);
     let failed = |error| Exit::of_program(error, &known);
-    rehearse(program, &knowledge)?.map_or(Ok(()), Err).map_err(failed)?;
+    let Rehearsal { failure, expected } = rehearse(program, &knowledge)?;
+    failure.map_or(Ok(()), Err).map_err(failed)?;
     let log = set::log_path(args.start.log.as_ref(), &args.set.name)?;
     let scale = args.start.time_scale;
     let options = Options { home: home.clone(), config, scale, log, script: Some(source) };
-    let teller = Teller::new(args.json, &knowledge);
-    let totals = teller.totals();
     let stop = Arc::new(AtomicBool::new(false));
     set::runtime()?.block_on(async {
         let asked_to_end = set::asked_to_end()?;
@@ -203,6 +216,8 @@ fn on_a_set_of_its_own(args: &RunArgs, home: &Home, program: &Program, source: S
             let _ = writeln!(io::stderr(), "set {name} is up in {took:.2} s: {workers} cards");
         }
         let began = Instant::now();
+        let teller = Teller::new(args.json, &knowledge).with_progress(expected, scale.get());
+        let (totals, progress) = (teller.totals(), teller.progress());
         let client = Client::connect(home)?.of_a_program();
         let hang_up = client.hang_up()?;
         let (wanted_down, closer, flag) = (daemon.wanted_down(), daemon.closer(), Arc::clone(&stop));
@@ -217,7 +232,9 @@ fn on_a_set_of_its_own(args: &RunArgs, home: &Home, program: &Program, source: S
         let running = tokio::task::spawn_blocking(move || {
             program.run(Arc::new(Mutex::new(client)), knowledge, teller, &limits)
         });
-        let result = running.await.into_diagnostic().map_err(Exit::could_not)?;
+        let result = running.await;
+        progress.end();
+        let result = result.into_diagnostic().map_err(Exit::could_not)?;
         let elapsed = machine_time(began, scale.get());
         let report = daemon.stop().await;
         match result {
@@ -232,8 +249,16 @@ fn on_a_set_of_its_own(args: &RunArgs, home: &Home, program: &Program, source: S
     })
 }
 
-/// Runs the program on a dry set just switched on; what it fails with, if it does so within the bounds.
-fn rehearse(program: &Program, knowledge: &Arc<Knowledge>) -> Result<Option<ScriptError>, Exit> {
+/// What a rehearsal has shown.
+struct Rehearsal {
+    /// What the program fails with, if it does so within the bounds.
+    failure: Option<ScriptError>,
+    /// What it does, if it ends within them.
+    expected: Option<Expected>,
+}
+
+/// Runs the program on a dry set just switched on.
+fn rehearse(program: &Program, knowledge: &Arc<Knowledge>) -> Result<Rehearsal, Exit> {
     let set = DrySet::new(Arc::clone(knowledge), NoPulses, None).map_err(|error| dry_error(&error))?;
     let limits = Limits { operations: Some(REHEARSED_OPERATIONS), stop: Arc::new(AtomicBool::new(false)) };
     let (over, wait) = mpsc::channel::<()>();
@@ -244,20 +269,32 @@ fn rehearse(program: &Program, knowledge: &Arc<Knowledge>) -> Result<Option<Scri
         }
     });
     let operator = Arc::new(Mutex::new(Executive::new(set)));
-    let result = program.run(operator, Arc::clone(knowledge), Silence, &limits);
+    let count = Count::default();
+    let movements = Arc::clone(&count.0);
+    let result = program.run(Arc::clone(&operator), Arc::clone(knowledge), count, &limits);
     let _ = over.send(());
     let _ = timer.join();
+    let set = Arc::into_inner(operator)
+        .map(|executive| executive.into_inner().unwrap_or_else(PoisonError::into_inner));
+    let expected = set.filter(|_| result.is_ok()).map(|executive| Expected {
+        movements: movements.load(Ordering::Relaxed),
+        time: executive.into_link().elapsed(),
+    });
     // Inputs may come in the real run, a throw may depend on them, and the bounds are the rehearsal's own.
-    Ok(result.err().filter(|error| {
+    let failure = result.err().filter(|error| {
         matches!(error, ScriptError::Syntax { .. } | ScriptError::Script { .. } | ScriptError::Robot { .. })
-    }))
+    });
+    Ok(Rehearsal { failure, expected })
 }
 
-/// Nobody listens to a rehearsal.
-struct Silence;
+/// Of a rehearsal only the number of movements is told.
+#[derive(Default)]
+struct Count(Arc<AtomicU64>);
 
-impl Watcher for Silence {
-    fn movement(&mut self, _: &Movement) {}
+impl Watcher for Count {
+    fn movement(&mut self, _: &Movement) {
+        self.0.fetch_add(1, Ordering::Relaxed);
+    }
     fn print(&mut self, _: &str) {}
 }
 
@@ -273,20 +310,26 @@ struct Teller {
     json: bool,
     knowledge: Arc<Knowledge>,
     totals: Arc<Mutex<Totals>>,
+    progress: Arc<Progress>,
 }
 
 impl Teller {
     fn new(json: bool, knowledge: &Arc<Knowledge>) -> Self {
-        Self { json, knowledge: Arc::clone(knowledge), totals: Arc::default() }
+        let progress = Arc::new(Progress::none());
+        Self { json, knowledge: Arc::clone(knowledge), totals: Arc::default(), progress }
+    }
+
+    /// Shows people how far the program is, from now on.
+    fn with_progress(self, expected: Option<Expected>, scale: f64) -> Self {
+        if self.json { self } else { Self { progress: Arc::new(Progress::start(expected, scale)), ..self } }
+    }
+
+    fn progress(&self) -> Arc<Progress> {
+        Arc::clone(&self.progress)
     }
 
     fn totals(&self) -> Arc<Mutex<Totals>> {
         Arc::clone(&self.totals)
-    }
-
-    /// A program goes on when nobody reads what it prints: a robot does not stop in the middle for that.
-    fn say(line: &str) {
-        let _ = writeln!(io::stdout(), "{line}");
     }
 }
 
@@ -298,22 +341,23 @@ impl Watcher for Teller {
             totals.steps += u64::from(movement.done.0);
             totals.movements == 1
         };
+        self.progress.moved();
         if self.json {
             let view = show::MovementView::new(movement, &self.knowledge);
-            Self::say(&serde_json::json!({ "movement": view }).to_string());
+            self.progress.say(&serde_json::json!({ "movement": view }).to_string());
         } else {
             if first {
-                Self::say(&show::movement_title());
+                self.progress.say(&show::movement_title());
             }
-            Self::say(&show::movement_line(movement, &self.knowledge));
+            self.progress.say(&show::movement_line(movement, &self.knowledge));
         }
     }
 
     fn print(&mut self, text: &str) {
         if self.json {
-            Self::say(&serde_json::json!({ "print": text }).to_string());
+            self.progress.say(&serde_json::json!({ "print": text }).to_string());
         } else {
-            Self::say(text);
+            self.progress.say(text);
         }
     }
 }
@@ -333,7 +377,9 @@ fn tell_summary(
             "seconds": elapsed.as_seconds(),
             "frames_sent": log.map(|log| log.sent),
             "frames_logged": log.and_then(|log| log.logged),
+            "frames_lost": log.and_then(|log| log.lost),
             "log": log.map(|log| &log.log),
+            "log_parts": log.map(|log| &log.parts),
         });
         show::print_json(&serde_json::json!({ "summary": summary }), &mut out)?;
         return Ok(());

@@ -46,7 +46,7 @@ pub(super) async fn watchdog(home: Home) {
                     set.up_s,
                     set.frames,
                     set.lost,
-                    if set.recording { "" } else { ", NO LOG ANY MORE" }
+                    if set.recorder.trouble.is_none() { "" } else { ", NO LOG ANY MORE" }
                 );
                 tell(&[NotifyState::Watchdog, NotifyState::Status(&status)]);
             }

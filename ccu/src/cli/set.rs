@@ -5,9 +5,11 @@ use std::io::{self, BufRead, BufReader, Write};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
+use std::str::FromStr;
 
 use clap::Args;
 use miette::{IntoDiagnostic, miette};
+use supersigma_config::Config;
 use tokio::signal::unix::{SignalKind, signal};
 
 use super::exit::Exit;
@@ -37,6 +39,45 @@ pub(super) struct UpArgs {
 pub(super) struct DownArgs {
     #[command(flatten)]
     set: SetArgs,
+}
+
+/// What `--log-rotate` says.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum LogRotate {
+    Megabytes(f64),
+    Minutes(f64),
+}
+
+impl FromStr for LogRotate {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let split = text.find(|letter: char| letter.is_ascii_alphabetic()).unwrap_or(text.len());
+        let (number, unit) = text.split_at(split);
+        let of = |factor: f64, least: f64| {
+            let value = number.trim().parse::<f64>().ok().map(|number| number * factor);
+            value.filter(|value| *value >= least && value.is_finite())
+        };
+        let rotate = match unit {
+            "MB" => of(1.0, 0.1).map(Self::Megabytes),
+            "GB" => of(1e3, 0.1).map(Self::Megabytes),
+            "min" => of(1.0, 0.01).map(Self::Minutes),
+            "h" => of(60.0, 0.01).map(Self::Minutes),
+            _ => None,
+        };
+        rotate.ok_or_else(|| "a size of at least 0.1MB or a time of at least 0.01min is needed, as in 100MB, 2GB, 10min, 1h".into())
+    }
+}
+
+/// The configuration that a set is started with: the named one, and what the command line says otherwise.
+pub(super) fn start_config(start: &StartArgs) -> Result<Config, Exit> {
+    let mut config = config::load(start.config.as_deref())?;
+    match start.log_rotate {
+        Some(LogRotate::Megabytes(megabytes)) => config.log.rotate_mb = Some(megabytes),
+        Some(LogRotate::Minutes(minutes)) => config.log.rotate_min = Some(minutes),
+        None => {}
+    }
+    Ok(config)
 }
 
 impl From<StartError> for Exit {
@@ -76,7 +117,7 @@ pub(super) fn up(args: &UpArgs) -> Result<(), Exit> {
     if args.detached {
         rustix::process::setsid().into_diagnostic().map_err(Exit::could_not)?;
     }
-    let config = config::load(args.start.config.as_deref())?;
+    let config = start_config(&args.start)?;
     let log = log_path(args.start.log.as_ref(), &args.set.name)?;
     let options = Options { home: home.clone(), config, scale: args.start.time_scale, log, script: None };
     runtime()?.block_on(async {
@@ -191,5 +232,14 @@ pub(super) fn down_line(report: &DownReport, out: &mut dyn Write) -> io::Result<
     let logged = report.logged.map_or_else(|| "unknown".to_owned(), |logged| logged.to_string());
     let size = report.bytes.map(|bytes| format!(" ({})", show::size(bytes))).unwrap_or_default();
     writeln!(out, "frames: {} sent, {logged} logged", report.sent)?;
-    writeln!(out, "log:    {}{size}", report.log.display())
+    if let Some(lost @ 1..) = report.lost {
+        writeln!(out, "        {lost} are missing from the log; its events tell where")?;
+    }
+    match report.parts.as_slice() {
+        [] | [_] => writeln!(out, "log:    {}{size}", report.log.display()),
+        parts => {
+            writeln!(out, "log:    {} files{size}", parts.len())?;
+            parts.iter().try_for_each(|part| writeln!(out, "        {}", part.display()))
+        }
+    }
 }

@@ -17,7 +17,7 @@ use supersigma_protocol::{
 use tokio::sync::broadcast;
 
 use super::feed::{Feed, Overheard};
-use crate::executive::{Common, Failure, Heard, Knowledge, Link};
+use crate::executive::{Common, Failure, Heard, Knowledge, Link, LogTrouble};
 
 /// How often the thread looks for what nobody woke it for: heartbeats.
 const LOOK: Duration = Duration::from_millis(50);
@@ -73,7 +73,7 @@ struct State {
     words: BTreeMap<Address, u16>,
     subscribers: Vec<Subscriber<Heard>>,
     counts: Counts,
-    no_log: bool,
+    no_log: Option<Arc<LogTrouble>>,
     going_down: bool,
 }
 
@@ -196,37 +196,43 @@ impl Exchange {
         self.card_gone(card);
     }
 
+    /// The process that plays `card` is started again: what comes from the bus is its own.
+    pub(super) fn born_again(&self, card: Address) {
+        self.state().ended.remove(&card);
+    }
+
     fn card_gone(&self, card: Address) {
         {
             let mut state = self.state();
             if let Some(life) = state.cards.get_mut(&card) {
                 life.alive = false;
             }
-            state.tell(Heard::WorkerGone(card));
+            state.tell(&Heard::WorkerGone(card));
         }
         self.brake_all();
     }
 
-    /// The recorder has ended unasked.
-    pub(super) fn no_log(&self) {
+    /// There is no log any more.
+    pub(super) fn no_log(&self, trouble: LogTrouble) {
         {
             let mut state = self.state();
-            state.no_log = true;
-            state.tell(Heard::NoLog);
+            let trouble = Arc::new(trouble);
+            state.no_log = Some(Arc::clone(&trouble));
+            state.tell(&Heard::NoLog(trouble));
         }
         self.brake_all();
     }
 
-    /// Whether the recorder has ended unasked.
-    pub(super) fn is_without_log(&self) -> bool {
-        self.state().no_log
+    /// There is a log again.
+    pub(super) fn log_again(&self) {
+        self.state().no_log = None;
     }
 
     /// Nobody shall begin anything any more.
     pub(super) fn going_down(&self) {
         let mut state = self.state();
         state.going_down = true;
-        state.tell(Heard::GoingDown);
+        state.tell(&Heard::GoingDown);
     }
 
     fn listen(&self, mut receive: impl Receive) {
@@ -276,11 +282,11 @@ impl Exchange {
             };
             state.counts.lost += lost;
             if lost > 0 {
-                state.tell(Heard::FramesLost(sender, lost));
+                state.tell(&Heard::FramesLost(sender, lost));
             }
             // Nobody waits for samples: what matters comes as a change.
             if answer.about != About::Unasked(Occasion::Sampled) {
-                state.tell(Heard::Answer(answer));
+                state.tell(&Heard::Answer(answer));
             }
             lost
         };
@@ -321,8 +327,8 @@ impl Exchange {
 }
 
 impl State {
-    fn tell(&mut self, heard: Heard) {
-        self.subscribers.retain(|subscriber| subscriber.send(heard).is_ok());
+    fn tell(&mut self, heard: &Heard) {
+        self.subscribers.retain(|subscriber| subscriber.send(heard.clone()).is_ok());
     }
 }
 
@@ -349,8 +355,8 @@ impl LiveLink {
         if moves && state.going_down {
             return Err(Failure::GoingDown);
         }
-        if moves && state.no_log {
-            return Err(Failure::NoLog);
+        if moves && let Some(trouble) = &state.no_log {
+            return Err(Failure::NoLog((**trouble).clone()));
         }
         let process = match command.to.kind() {
             CardKind::DigitalOutput => Address::DIGITAL_INPUT,
@@ -381,7 +387,7 @@ impl Link for LiveLink {
     }
 
     fn tell_resume(&self) {
-        self.exchange.state().tell(Heard::Resume);
+        self.exchange.state().tell(&Heard::Resume);
     }
 
     fn send(&mut self, broadcast: Broadcast) -> Result<Sequence, Failure> {

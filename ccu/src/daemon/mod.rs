@@ -10,18 +10,20 @@
 //! In order: start the recorder, then the cards, then listen to clients; stop in the opposite order, so that the log has
 //! everybody's last frame. Motion and meaning are not in here: they are the executive's and the cards'.
 
+mod births;
 mod exchange;
 mod feed;
+mod keeper;
 mod process;
 pub mod recorder;
+mod recording;
+mod scribe;
 mod server;
 
-use std::ffi::OsString;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -30,19 +32,20 @@ use miette::Diagnostic;
 use supersigma_config::{Config, RampError};
 use supersigma_protocol::bus::shared_memory::{Place, SharedBus};
 use supersigma_protocol::bus::{Bus, BusError};
-use supersigma_protocol::{About, Activity, Address, AxisNumber, Command, Occasion, Operation, Report};
+use supersigma_protocol::{Activity, Address, AxisNumber, Command, Operation, Report};
 use tokio::sync::{Notify, watch};
 
+use self::births::{Births, Leaving};
 use self::exchange::Exchange;
-use self::process::Process;
+use self::keeper::Keeper;
+use self::recording::Recording;
+use self::scribe::Scribe;
 use self::server::Desk;
 use crate::control::{Description, DownReport};
-use crate::executive::{AxisState, Heard, Knowledge};
+use crate::executive::{AxisState, Heard, Knowledge, LogTrouble};
 use crate::home::{Home, HomeError, Occupied};
-use crate::log::{LogSummary, WallTime};
+use crate::log::WallTime;
 
-/// How long processes may take to come to life.
-const BIRTH: Duration = Duration::from_secs(20);
 /// How long axes may take to stand once they have been told to halt, and then to brake.
 const STANDING: Duration = Duration::from_secs(3);
 /// How long a process may take to end.
@@ -89,6 +92,10 @@ pub enum StartError {
         /// What the system said.
         source: io::Error,
     },
+    /// The log cannot be begun.
+    #[error("{}", .0.reason)]
+    #[diagnostic(help("{}", .0.advice))]
+    NoLog(LogTrouble),
     /// The recorder did not come to life.
     #[error("the recorder did not come to life")]
     #[diagnostic(help("what it said stands above; the log was to be {}", log.display()))]
@@ -109,10 +116,10 @@ pub struct Daemon {
     bus: SharedBus,
     exchange: Arc<Exchange>,
     listening: JoinHandle<()>,
-    recorder: Process,
-    workers: Vec<Process>,
+    recorder: Scribe,
+    workers: Arc<Keeper>,
     /// Once set, processes end because they shall.
-    leaving: Arc<AtomicBool>,
+    leaving: Arc<Leaving>,
     desk: Arc<Desk>,
     serving: tokio::task::JoinHandle<()>,
     log: PathBuf,
@@ -139,21 +146,39 @@ impl Daemon {
         }
         let bus = SharedBus::create(&place)?;
         let clock = Clock::new(Monotonic::now(), scale);
-        let wall_epoch = WallTime::now();
         let (transmit, receive) = bus.ccu()?;
         let (exchange, listening) = Exchange::start(Arc::clone(&knowledge), clock, transmit, receive)?;
-        let leaving = Arc::new(AtomicBool::new(false));
-        let births = Births { home: &home, clock, exchange: &exchange, leaving: &leaving };
-        let processes = births.recorder(wall_epoch, &log, script.is_some()).and_then(|recorder| {
-            let workers = births.workers(&knowledge)?;
-            let listener = server::bind(&home.socket())
-                .map_err(|source| StartError::Io { what: "make the control socket", source })?;
-            Ok((recorder, workers, listener))
+        let leaving = Arc::new(Leaving::default());
+        let births = Births {
+            home: home.clone(),
+            clock,
+            wall_epoch: WallTime::now(),
+            exchange: Arc::clone(&exchange),
+            leaving: Arc::clone(&leaving),
+            script: script.is_some(),
+        };
+        let axes = knowledge.config.axes.iter().map(|axis| axis.address.address());
+        let cards = axes.chain([Address::DIGITAL_INPUT]).collect();
+        let processes = Scribe::start(&births, &log).and_then(|recorder| {
+            let workers = Keeper::start(births.clone(), cards).and_then(|workers| {
+                let listener = server::bind(&home.socket());
+                listener.map(|listener| (Arc::clone(&workers), listener)).map_err(|source| {
+                    workers.finish(END);
+                    StartError::Io { what: "make the control socket", source }
+                })
+            });
+            match workers {
+                Ok((workers, listener)) => Ok((recorder, workers, listener)),
+                Err(error) => {
+                    recorder.finish(END);
+                    Err(error)
+                }
+            }
         });
         let (recorder, workers, listener) = match processes {
             Ok(processes) => processes,
             Err(error) => {
-                leaving.store(true, Ordering::Release);
+                leaving.set();
                 exchange.stop();
                 let _ = listening.join();
                 drop(bus);
@@ -162,7 +187,7 @@ impl Daemon {
             }
         };
         let desk = Arc::new(Desk {
-            describe: Box::new(describer(&home, &exchange, scale, &log)),
+            describe: Box::new(describer(&births, &log, recorder.recording(), &workers)),
             exchange: Arc::clone(&exchange),
             down: Notify::new(),
             report: watch::Sender::new(None),
@@ -186,7 +211,7 @@ impl Daemon {
     /// Its cards' processes: how many.
     #[must_use]
     pub fn workers(&self) -> usize {
-        self.workers.len()
+        self.workers.cards()
     }
 
     /// What resolves when a client wants the set down.
@@ -202,25 +227,16 @@ impl Daemon {
     }
 
     /// Takes the set down: axes stand, cards leave, the log is finished, and nothing is left on the machine.
-    pub async fn stop(mut self) -> DownReport {
+    pub async fn stop(self) -> DownReport {
         self.exchange.going_down();
         self.bring_to_a_stand();
-        self.leaving.store(true, Ordering::Release);
-        for worker in &mut self.workers {
-            worker.ask_to_leave();
-        }
+        self.leaving.set();
+        self.workers.ask_to_leave();
         let heard = self.exchange.subscribe();
         let everybody_left = || self.exchange.cards().values().all(|life| !life.alive);
         wait_for(&heard, END, everybody_left);
-        self.recorder.let_go();
-        let summary = self.recorder.line(END).and_then(|line| serde_json::from_str::<LogSummary>(&line).ok());
-        self.recorder.finish(END);
-        for worker in &mut self.workers {
-            worker.let_go();
-        }
-        for worker in &mut self.workers {
-            worker.finish(END);
-        }
+        let summary = self.recorder.finish(END);
+        self.workers.finish(END);
         self.exchange.stop();
         let _ = self.listening.join();
         let counts = self.exchange.counts();
@@ -228,7 +244,9 @@ impl Daemon {
             log: self.log,
             sent: counts.commands + counts.answers + counts.lost,
             logged: summary.as_ref().map(|summary| summary.frames),
-            bytes: summary.map(|summary| summary.bytes),
+            lost: summary.as_ref().map(|summary| summary.lost),
+            bytes: summary.as_ref().map(|summary| summary.bytes),
+            parts: summary.map_or_else(|| self.recorder.recording().view().parts, |summary| summary.parts),
         };
         self.serving.abort();
         drop(self.bus);
@@ -274,92 +292,15 @@ fn wait_for(heard: &std::sync::mpsc::Receiver<Heard>, limit: Duration, holds: im
     true
 }
 
-/// What is needed to bring processes to life.
-struct Births<'a> {
-    home: &'a Home,
-    clock: Clock,
-    exchange: &'a Arc<Exchange>,
-    leaving: &'a Arc<AtomicBool>,
-}
-
-impl Births<'_> {
-    fn common(&self, command: &str) -> Vec<OsString> {
-        let mut arguments: Vec<OsString> = vec![command.into()];
-        let mut option = |name: &str, value: OsString| arguments.extend([name.into(), value]);
-        option("--runtime", self.home.folder().into());
-        option("--config", self.home.config().into());
-        option("--epoch", self.clock.epoch().as_nanos().to_string().into());
-        option("--time-scale", self.clock.scale().to_string().into());
-        arguments
-    }
-
-    fn recorder(&self, wall_epoch: WallTime, log: &Path, script: bool) -> Result<Process, StartError> {
-        let mut arguments = self.common("recorder");
-        let mut option = |name: &str, value: OsString| arguments.extend([name.into(), value]);
-        option("--set", self.home.name().to_string().into());
-        option("--wall-epoch", wall_epoch.0.to_string().into());
-        option("--log", log.into());
-        if script {
-            option("--script", self.home.script().into());
-        }
-        let (exchange, leaving) = (Arc::clone(self.exchange), Arc::clone(self.leaving));
-        let recorder = Process::start(arguments, move |status| {
-            if !leaving.load(Ordering::Acquire) {
-                tracing::error!(%status, "the recorder has ended; all axes brake");
-                exchange.no_log();
-            }
-        });
-        let recorder = recorder.map_err(|source| StartError::Io { what: "start the recorder", source })?;
-        match recorder.line(BIRTH) {
-            Some(line) if line == recorder::READY => Ok(recorder),
-            _ => Err(StartError::NoRecorder { log: log.to_owned() }),
-        }
-    }
-
-    /// Starts all cards at once, and waits until all have joined.
-    fn workers(&self, knowledge: &Knowledge) -> Result<Vec<Process>, StartError> {
-        let heard = self.exchange.subscribe();
-        let axes = knowledge.config.axes.iter().map(|axis| axis.address.address());
-        let mut missing: Vec<Address> = axes.chain([Address::DIGITAL_INPUT]).collect();
-        let mut workers = Vec::with_capacity(missing.len());
-        for card in &missing {
-            workers.push(self.worker(*card)?);
-        }
-        let deadline = Instant::now() + BIRTH;
-        while let Some(first) = missing.first().copied() {
-            match heard.recv_timeout(deadline.saturating_duration_since(Instant::now())) {
-                Ok(Heard::Answer(answer)) if answer.about == About::Unasked(Occasion::Joined) => {
-                    missing.retain(|card| *card != answer.card);
-                }
-                Ok(Heard::WorkerGone(card)) => return Err(StartError::NoWorker(card)),
-                Ok(_) => {}
-                Err(_) => return Err(StartError::NoWorker(first)),
-            }
-        }
-        Ok(workers)
-    }
-
-    fn worker(&self, card: Address) -> Result<Process, StartError> {
-        let mut arguments = self.common("axis-worker");
-        arguments.extend(["--card".into(), card.0.to_string().into()]);
-        let (exchange, leaving) = (Arc::clone(self.exchange), Arc::clone(self.leaving));
-        let worker = Process::start(arguments, move |status| {
-            if !leaving.load(Ordering::Acquire) {
-                tracing::error!(%card, %status, "a worker has ended; all axes brake");
-                exchange.worker_gone(card);
-            }
-        });
-        worker.map_err(|source| StartError::Io { what: "start a worker", source })
-    }
-}
-
 fn describer(
-    home: &Home,
-    exchange: &Arc<Exchange>,
-    scale: TimeScale,
+    births: &Births,
     log: &Path,
+    recording: &Recording,
+    workers: &Arc<Keeper>,
 ) -> impl Fn() -> Description + Send + Sync + use<> {
-    let (name, log, exchange) = (home.name().to_string(), log.to_owned(), Arc::clone(exchange));
+    let (name, scale) = (births.home.name().to_string(), births.clock.scale());
+    let (exchange, log) = (Arc::clone(&births.exchange), log.to_owned());
+    let (recording, workers) = (recording.clone(), Arc::clone(workers));
     let since = Instant::now();
     move || {
         let cards = exchange.cards();
@@ -370,7 +311,11 @@ fn describer(
             },
             _ => None,
         };
+        let alive = |card: &Address| cards.get(card).is_some_and(|life| life.alive);
         let config = &exchange.knowledge().config;
+        let restarts = config.supervision.restart;
+        let sittings = workers.sittings().into_iter();
+        let processes = sittings.map(|sitting| sitting.view(alive(&sitting.card), restarts));
         let counts = exchange.counts();
         Description {
             name: name.clone(),
@@ -378,7 +323,6 @@ fn describer(
             config: config.to_toml(),
             time_scale: scale.get(),
             log: log.clone(),
-            log_bytes: fs::metadata(&log).ok().map(|file| file.len()),
             up_s: since.elapsed().as_secs_f64(),
             axes: config
                 .axes
@@ -393,7 +337,8 @@ fn describer(
             outputs: exchange.word(Address::DIGITAL_OUTPUT),
             frames: counts.commands + counts.answers,
             lost: counts.lost,
-            recording: !exchange.is_without_log(),
+            recorder: recording.view(),
+            processes: std::iter::once(recording.process()).chain(processes).collect(),
         }
     }
 }

@@ -58,9 +58,19 @@ impl Process {
         Ok(Self { pid, lifeline, lines, end })
     }
 
+    /// Its number.
+    pub(super) fn pid(&self) -> u32 {
+        self.pid
+    }
+
     /// Its next line of output; `None` if none comes within `limit`, or if there will be none any more.
     pub(super) fn line(&self, limit: Duration) -> Option<String> {
         self.lines.recv_timeout(limit).ok()
+    }
+
+    /// All lines of output that are still to come.
+    pub(super) fn take_lines(&mut self) -> Receiver<String> {
+        std::mem::replace(&mut self.lines, mpsc::channel().1)
     }
 
     /// Asks it, over the lifeline, to say that it leaves.

@@ -105,7 +105,11 @@ async fn attend(stream: UnixStream, desk: Arc<Desk>) -> io::Result<()> {
                 executive = back;
                 answer
             }
-            Ok(ToDaemon::Describe) => FromDaemon::Description(Box::new((desk.describe)())),
+            Ok(ToDaemon::Describe) => {
+                // One who only looks never asks the executive, which would keep all that it hears.
+                executive.link().forget();
+                FromDaemon::Description(Box::new((desk.describe)()))
+            }
             Ok(ToDaemon::Watch) => {
                 // What an executive hears, it keeps until it is asked; this one never will be.
                 drop(executive);

@@ -105,10 +105,10 @@ pub fn failure(failure: &Failure) -> String {
                                    originated (`ccu origin`)"
             .into(),
         Failure::NotConfirmed { .. } => "raise `line.lead_ms`".into(),
-        Failure::WorkerGone { .. } => "take the set down and up again".into(),
-        Failure::NoLog => {
-            "look at the free space where the log is, then take the set down and up again".into()
+        Failure::WorkerGone { .. } => {
+            "`ccu ps` shows when it is back; then its axis has to be originated".into()
         }
+        Failure::NoLog(trouble) => trouble.advice.clone(),
         Failure::FramesLost { .. } => {
             "see with `ccu status` what the axes do, and ask again; the machine may be too busy".into()
         }

@@ -96,8 +96,8 @@ pub enum Failure {
         /// The card.
         card: Address,
     },
-    /// The recorder is gone.
-    NoLog,
+    /// There is no log any more.
+    NoLog(LogTrouble),
     /// Frames were lost between cards and CCU.
     FramesLost {
         /// The sender.
@@ -166,6 +166,15 @@ pub enum Failure {
         /// What happened.
         reason: String,
     },
+}
+
+/// Why there is no log, or none any more.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct LogTrouble {
+    /// What happened, to which file, and how much is in it.
+    pub reason: String,
+    /// What to do.
+    pub advice: String,
 }
 
 impl Failure {
@@ -288,7 +297,7 @@ impl Failure {
                 name(*axis)
             ),
             Self::WorkerGone { card } => write!(f, "the worker of {} is gone", card_name(card)),
-            Self::NoLog => f.write_str("the recorder is gone, and nothing moves without a log"),
+            Self::NoLog(trouble) => write!(f, "{}; nothing moves without a log", trouble.reason),
             Self::FramesLost { card, lost } => {
                 write!(f, "{lost} frames of {} were lost on the bus", card_name(card))
             }

@@ -156,7 +156,7 @@ impl<L: Link> Executive<L> {
             match self.link.hear(until)? {
                 Some(Heard::Resume) => return Ok(()),
                 Some(Heard::GoingDown) => return Err(Failure::GoingDown),
-                Some(Heard::NoLog) => return Err(Failure::NoLog),
+                Some(Heard::NoLog(trouble)) => return Err(Failure::NoLog((*trouble).clone())),
                 _ => {}
             }
         }

@@ -8,7 +8,7 @@ use axis_worker::ramp::Table;
 use supersigma_config::{Config, RampError};
 use supersigma_protocol::{Address, Answer, AxisNumber, Broadcast, Fault, Sequence, SpeedIndex, Tick, Ticks};
 
-use super::failure::Failure;
+use super::failure::{Failure, LogTrouble};
 use super::request::{Remainder, Request};
 
 /// A set's configuration and the ramps that follow from it.
@@ -94,14 +94,14 @@ impl Knowledge {
 }
 
 /// Something that was heard on the bus, or about it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Heard {
     /// An answer.
     Answer(Answer),
     /// The process that plays a card has ended.
     WorkerGone(Address),
-    /// The recorder has ended.
-    NoLog,
+    /// There is no log any more.
+    NoLog(Arc<LogTrouble>),
     /// Frames of a card were lost.
     FramesLost(Address, u64),
     /// Somebody wants what was halted to go on.

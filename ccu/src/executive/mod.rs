@@ -20,7 +20,7 @@ use supersigma_protocol::{
     Fault, Operation, Refusal, Report, Sequence, SpeedIndex, Tick, Ticks,
 };
 
-pub use failure::Failure;
+pub use failure::{Failure, LogTrouble};
 pub use link::{Common, Heard, Knowledge, Link};
 pub use request::{
     AxisState, Displacement, Leg, Movement, MovementKind, Outcome, RawAnswer, Recovery, Remainder, Request,
@@ -492,7 +492,7 @@ fn bad_news(heard: Heard, underway: &[Underway]) -> Result<(), Failure> {
         Heard::WorkerGone(card) if underway.iter().any(|one| one.axis.address() == card) => {
             Err(Failure::WorkerGone { card })
         }
-        Heard::NoLog => Err(Failure::NoLog),
+        Heard::NoLog(trouble) => Err(Failure::NoLog((*trouble).clone())),
         Heard::FramesLost(card, lost) => Err(Failure::FramesLost { card, lost }),
         Heard::GoingDown => Err(Failure::GoingDown),
         Heard::WorkerGone(_) | Heard::Answer(_) | Heard::Resume => Ok(()),

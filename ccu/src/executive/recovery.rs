@@ -36,7 +36,7 @@ impl<L: Link> Executive<L> {
             match self.attempt(how, axis, &step) {
                 Ok(movements) => return Ok(Outcome::Moved(movements)),
                 Err(Failure::Cancelled) => return Err(Failure::Cancelled),
-                Err(failure @ (Failure::BusGone { .. } | Failure::GoingDown | Failure::NoLog)) => {
+                Err(failure @ (Failure::BusGone { .. } | Failure::GoingDown | Failure::NoLog(_))) => {
                     return Err(failure);
                 }
                 Err(failure) => reason = failure,

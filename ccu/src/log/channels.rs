@@ -2,25 +2,36 @@
 //! them. Numbers of channels are the file's own; nobody outside of the writer needs them.
 
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::BufWriter;
 
 use mcap::records::Metadata;
 use mcap::{Attachment, McapError};
 use supersigma_protocol::AxisNumber;
 use supersigma_protocol::bus::Lane;
 
+use super::file::LogFile;
 use super::header::{CONFIG_NAME, LogHeader, METADATA_NAME, SCRIPT_NAME};
+use super::part::PartPlace;
 use super::schema::{FRAME_TYPES, log_schema, view_schema};
 use super::view::{AnswerView, AxisView, CommandView, DigitalView};
 
 /// The file that is being written.
-pub(super) type McapFile = mcap::Writer<BufWriter<File>>;
+pub(super) type McapFile = mcap::Writer<LogFile>;
 
 /// The topic of the raw frames.
 pub(super) const MICROBUS: &str = "/microbus";
+/// The topic of the commands' twins.
+pub(super) const COMMAND: &str = "/command";
+/// The topic of the digital cards' twins.
+pub(super) const DIGITAL: &str = "/digital/status";
+/// The topic of the events.
+pub(super) const EVENTS: &str = "/events";
 /// The key of a raw channel's metadata that says which of the two services it carries.
 pub(super) const LANE: &str = "lane";
+
+/// The metadata's key for the number of the file in its log, from 1.
+const PART: &str = "part";
+/// The metadata's key for the name of the file before it.
+const PREVIOUS: &str = "previous";
 
 /// How a lane is called in a channel's metadata.
 pub(super) const fn lane_name(lane: Lane) -> &'static str {
@@ -31,7 +42,11 @@ pub(super) const fn lane_name(lane: Lane) -> &'static str {
 }
 
 /// Attachments first, the metadata last: whoever finds the metadata has found everything.
-pub(super) fn write_preamble(mcap: &mut McapFile, header: &LogHeader) -> Result<(), McapError> {
+pub(super) fn write_preamble(
+    mcap: &mut McapFile,
+    header: &LogHeader,
+    place: &PartPlace,
+) -> Result<(), McapError> {
     let epoch = header.timeline.epoch.0;
     let script = header.script.as_ref().map(|script| (SCRIPT_NAME, "text/plain", script));
     for (name, media_type, text) in
@@ -45,7 +60,10 @@ pub(super) fn write_preamble(mcap: &mut McapFile, header: &LogHeader) -> Result<
             data: text.as_bytes().into(),
         })?;
     }
-    mcap.write_metadata(&Metadata { name: METADATA_NAME.to_owned(), metadata: header.to_metadata() })
+    let mut metadata = header.to_metadata();
+    metadata.insert(PART.to_owned(), place.number.to_string());
+    metadata.extend(place.previous.clone().map(|previous| (PREVIOUS.to_owned(), previous)));
+    mcap.write_metadata(&Metadata { name: METADATA_NAME.to_owned(), metadata })
 }
 
 /// The channels' numbers in the file.
@@ -81,11 +99,11 @@ impl Channels {
         let mut channels = Self {
             commands,
             answers,
-            command: mcap.add_channel(command_schema, "/command", "json", &nothing)?,
+            command: mcap.add_channel(command_schema, COMMAND, "json", &nothing)?,
             axes: [None; AxisNumber::COUNT],
             axis_schema,
-            digital: mcap.add_channel(digital_schema, "/digital/status", "json", &nothing)?,
-            events: mcap.add_channel(event_schema, "/events", "json", &nothing)?,
+            digital: mcap.add_channel(digital_schema, DIGITAL, "json", &nothing)?,
+            events: mcap.add_channel(event_schema, EVENTS, "json", &nothing)?,
             written: BTreeMap::new(),
         };
         for (axis, _) in header.names.iter() {

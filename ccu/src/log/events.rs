@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use supersigma_protocol::{
     About, Address, Alarm, Answer, Body, Command, CommandBytes, Frame, FrameError, Occasion, Report,
 };
@@ -26,6 +26,47 @@ pub(crate) struct Event {
     /// Whom it is about.
     pub(crate) name: String,
     pub(crate) message: String,
+}
+
+/// What an event of a log was about, told from its words.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Told {
+    /// [`Event::gap`].
+    Gap { sender: String, lost: u64 },
+    /// An alarm that an answer brought.
+    Alarm { axis: String, alarm: String },
+    /// [`Event::undecodable`].
+    Undecodable,
+}
+
+/// The beginnings and ends of the words above and below, by which events are told apart.
+const MISSING: &str = " frames are missing from the log: ";
+const LOCKED: &str = " is locked: ";
+const STRANGER: &str = " reports as a motor card, and is none";
+const BUS: &str = "bus";
+
+impl Told {
+    /// What a message of `/events` is about; `None` for what is neither of these.
+    pub(super) fn read(message: &[u8]) -> Option<Self> {
+        #[derive(Deserialize)]
+        struct Logged {
+            level: u8,
+            name: String,
+            message: String,
+        }
+        let Logged { level, name, message } = serde_json::from_slice(message).ok()?;
+        if level != Level::Error as u8 {
+            return None;
+        }
+        if name == BUS {
+            return (!message.ends_with(STRANGER)).then_some(Self::Undecodable);
+        }
+        if let Some((lost, _)) = message.split_once(MISSING) {
+            return Some(Self::Gap { sender: name, lost: lost.parse().ok()? });
+        }
+        let (axis, alarm) = message.split_once(LOCKED)?;
+        Some(Self::Alarm { axis: axis.to_owned(), alarm: alarm.to_owned() })
+    }
 }
 
 /// `foxglove.Log` as JSON.
@@ -65,24 +106,19 @@ impl Event {
 
     /// Frames that never arrived.
     pub(super) fn gap(gap: Gap, names: &AxisNames) -> Self {
-        let message = format!(
-            "{} frames are missing from the log: number {} was due, {} came",
-            gap.lost(),
-            gap.expected.0,
-            gap.got.0
-        );
+        let message = format!("{}{MISSING}number {} was due, {} came", gap.lost(), gap.expected.0, gap.got.0);
         Self::new(Level::Error, sender_name(gap.sender, names), message)
     }
 
     /// A motor's state under an address that is no axis'.
     pub(super) fn stranger(frame: &Frame) -> Self {
-        let message = format!("{} reports as a motor card, and is none", frame.sender);
-        Self::new(Level::Error, "bus".to_owned(), message)
+        let message = format!("{}{STRANGER}", frame.sender);
+        Self::new(Level::Error, BUS.to_owned(), message)
     }
 
     /// Bytes that are no frame.
     pub(crate) fn undecodable(bytes: &[u8], error: &FrameError) -> Self {
-        Self::new(Level::Error, "bus".to_owned(), format!("{error} [{}]", hex(bytes)))
+        Self::new(Level::Error, BUS.to_owned(), format!("{error} [{}]", hex(bytes)))
     }
 }
 
@@ -128,7 +164,7 @@ impl Watch {
                 let trouble = trouble.map(|text| Event::new(Level::Error, name.clone(), text));
                 let alarm = self.alarm(answer).map(|alarm| {
                     let card = address_name(answer.card, names);
-                    Event::new(Level::Error, name, format!("{card} is locked: {alarm}"))
+                    Event::new(Level::Error, name, format!("{card}{LOCKED}{alarm}"))
                 });
                 refusal.into_iter().chain(trouble).chain(alarm).collect()
             }

@@ -146,4 +146,18 @@ impl Timeline {
         let since = tick.0 as f64 * TICK_NS as f64 / self.scale.get();
         WallTime(self.epoch.0.saturating_add(since as u64))
     }
+
+    /// The tick at a wall time, the nearest one; 0 before the epoch. It gives back what [`Timeline::wall`] was given as
+    /// long as a tick is longer than a nanosecond, which is up to 500 times real time.
+    #[must_use]
+    #[expect(
+        clippy::cast_precision_loss,
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "positive, below 2^53 for a hundred days, and the cast saturates"
+    )]
+    pub fn tick(&self, wall: WallTime) -> Tick {
+        let since = wall.0.saturating_sub(self.epoch.0);
+        Tick((since as f64 * self.scale.get() / TICK_NS as f64).round() as u64)
+    }
 }

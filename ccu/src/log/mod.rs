@@ -1,7 +1,12 @@
 //! The log: every frame of the bus in one MCAP file, unchanged, with JSON twins that any MCAP viewer can show.
 //!
 //! ```text
-//!   tap ─► recorder ─► writer ──► set.mcap ──► reader ──► frames (people, --json)
+//!   tap ─► recorder ─► writer ──► set.mcap ──► messages ──► reader ──► frames (people, --json, --csv)
+//!                      │              │           │ index     └ filter
+//!                      │              │           └──► info
+//!                      │              └──► salvage ──► recover ──► a complete log again
+//!                      │ rotation  when the next file begins
+//!                      │ part      one MCAP file; file: the bytes of it that are whole
 //!                      │ senders   gaps in the sequence numbers
 //!                      │ order     one time order out of two services and eight senders
 //!                      │ view      frames decoded for JSON
@@ -14,14 +19,24 @@
 
 mod channels;
 mod events;
+mod file;
+mod filter;
 mod frames;
 mod header;
+mod index;
+mod info;
 mod line;
+mod messages;
 mod order;
+mod part;
 mod reader;
 mod recorder;
+mod recover;
+mod rotation;
+mod salvage;
 mod schema;
 mod senders;
+mod table;
 mod view;
 mod writer;
 
@@ -34,12 +49,16 @@ use std::path::PathBuf;
 use supersigma_protocol::bus::BusError;
 
 pub(crate) use events::{Event, Level, Watch as EventWatch};
-pub(crate) use frames::concerns;
-pub use frames::{FramesCount, frames};
+pub(crate) use filter::concerns;
+pub use filter::{Filter, Judge, operation};
+pub use frames::{Form, FramesAsked, FramesCount, frames};
 pub use header::{AxisNames, LogHeader, Timeline, WallTime};
+pub use info::{AlarmInfo, ChannelInfo, FramesInfo, GapInfo, LogInfo, LogState, info};
 pub use line::Lines;
 pub use reader::{LogReader, LoggedFrame};
-pub use recorder::run;
+pub use recorder::{RecorderStatus, run};
+pub use recover::{Lost, Recovery, recover};
+pub use rotation::Rotation;
 pub use senders::Gap;
 pub(crate) use view::sender_name;
 pub use view::{
@@ -58,20 +77,26 @@ pub enum LogError {
         path: PathBuf,
     },
     /// The file cannot be made.
-    #[error("cannot create the log {}: {source}", .path.display())]
+    #[error("cannot create the log {}: {error}", .path.display())]
     Create {
         /// The file.
         path: PathBuf,
         /// What the system said.
-        source: io::Error,
+        error: io::Error,
     },
     /// A full disk, for example. What was written before is readable.
-    #[error("cannot write the log {}: {}", .path.display(), reason(.source))]
+    #[error("cannot write the log {}: {}", .path.display(), reason(.error))]
     Write {
         /// The file.
         path: PathBuf,
         /// What the system or the format said.
-        source: mcap::McapError,
+        error: mcap::McapError,
+    },
+    /// There is no room for more than the end of the log. It was written: nothing is missing in it up to there.
+    #[error("no room is left for the log {}", .path.display())]
+    Full {
+        /// The file.
+        path: PathBuf,
     },
     /// The file cannot be opened or read.
     #[error("cannot read the log {}: {source}", .path.display())]
@@ -109,12 +134,48 @@ pub enum LogError {
         /// What there is.
         known: String,
     },
+    /// No operation is called so.
+    #[error("there is no operation `{name}`: {known}")]
+    NoSuchOperation {
+        /// What was asked for.
+        name: String,
+        /// What there is.
+        known: String,
+    },
+    /// The log ends before it says whose it is.
+    #[error("the log {} ends before its first frame: there is nothing to recover", .path.display())]
+    NothingIn {
+        /// The file.
+        path: PathBuf,
+    },
+    /// What was recovered, read again, is not what was written. The file has been removed.
+    #[error("{} was not written as it should be: {what}; nothing was kept of it", .path.display())]
+    NotAsWritten {
+        /// The file.
+        path: PathBuf,
+        /// How it differs.
+        what: &'static str,
+    },
     /// The bus failed while it was recorded; the log is complete up to then.
     #[error("recording ended early: {0}")]
     Bus(#[from] BusError),
     /// The frames cannot be printed.
     #[error("cannot write the frames: {0}")]
     Output(io::Error),
+}
+
+impl LogError {
+    /// Whether there is no more room: on the disk, in the quota, or for one file.
+    #[must_use]
+    pub fn is_full(&self) -> bool {
+        match self {
+            Self::Full { .. } => true,
+            Self::Create { error, .. } | Self::Write { error: mcap::McapError::Io(error), .. } => {
+                file::is_full(error)
+            }
+            _ => false,
+        }
+    }
 }
 
 /// The system's words rather than the format library's "I/O error".

@@ -53,17 +53,53 @@ pub(super) fn log_schema() -> Value {
 
 /// A view as a twin's message: its JSON without the values that are null.
 pub(super) fn twin(view: &impl Serialize) -> Vec<u8> {
-    // Views are structs of plain values: they always serialise, and a map with string keys always prints.
-    let mut value = serde_json::to_value(view).unwrap_or_default();
-    drop_nulls(&mut value);
-    value.to_string().into_bytes()
+    let mut message = Vec::new();
+    twin_into(view, &mut message);
+    message
 }
 
-fn drop_nulls(value: &mut Value) {
-    if let Value::Object(fields) = value {
-        fields.retain(|_, field| !field.is_null());
-        fields.values_mut().for_each(drop_nulls);
+/// The same, put into an empty vector.
+pub(super) fn twin_into(view: &impl Serialize, message: &mut Vec<u8>) {
+    // Views are structs of plain values: they always serialise, and memory takes all.
+    if let Err(error) = serde_json::to_writer(&mut *message, view) {
+        tracing::error!(%error, "a view is no JSON");
     }
+    drop_nulls(message);
+}
+
+/// Removes every `"key":null` from a JSON text without white space. Keys are names of fields: nothing in them is escaped.
+///
+/// A quote that closes a string, followed by `:null`, is a key with its value: after a string as a value comes a comma
+/// or a brace, and a quote inside a string has a backslash before it.
+fn drop_nulls(json: &mut Vec<u8>) {
+    const NULL: &[u8] = b"\":null";
+    let mut kept = 0;
+    let mut at = 0;
+    while at < json.len() {
+        if json[at] == b'"' && json[at..].starts_with(NULL) && !is_escaped(&json[..kept]) {
+            // Back to the key's first quote, and to the comma before it; without one, the comma after it goes.
+            while kept > 0 && json[kept - 1] != b'"' {
+                kept -= 1;
+            }
+            kept = kept.saturating_sub(1);
+            at += NULL.len();
+            if kept > 0 && json[kept - 1] == b',' {
+                kept -= 1;
+            } else if json.get(at) == Some(&b',') {
+                at += 1;
+            }
+        } else {
+            json[kept] = json[at];
+            kept += 1;
+            at += 1;
+        }
+    }
+    json.truncate(kept);
+}
+
+/// Whether what follows this text has an odd number of backslashes before it.
+fn is_escaped(before: &[u8]) -> bool {
+    before.iter().rev().take_while(|&&byte| byte == b'\\').count() % 2 == 1
 }
 
 /// Gives a schema and the schemas in it exactly one `type` each, and no alternatives.

@@ -13,6 +13,9 @@ use supersigma_protocol::{
 
 use super::header::AxisNames;
 
+/// What stands where the operation's name would, for a fault on purpose, which is no operation of the MICROBUS.
+pub(super) const FAULT: &str = "Fault";
+
 /// Any frame. In JSON, `kind` says which: `command`, `answer` or `undecodable`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
@@ -282,7 +285,7 @@ fn fault_view(frame: &Frame, axis: AxisNumber, fault: Fault, names: &AxisNames) 
         to: Some(axis.address()),
         name: names.of(axis).into_owned(),
         bytes: String::new(),
-        operation: Some("Fault"),
+        operation: Some(FAULT),
         refusal: None,
         direction: None,
         steps: None,

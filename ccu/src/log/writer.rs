@@ -4,25 +4,25 @@
 //! are held back for a few real milliseconds (`order`) so that the file's log times never fall; a frame that comes
 //! later still gets the last written time. A chunk is closed and handed to the system while its oldest frame is
 //! younger than `flush`: whatever happens to this process, the file holds all but that last moment, and every chunk in it
-//! is whole because chunks are built in memory and written at once.
+//! is whole because chunks are built in memory and written at once. A log may go on in another file (`rotation`); what is
+//! held back and what is remembered of the senders goes over, so that the files together hold every frame once.
 
 use std::collections::VecDeque;
-use std::fs::OpenOptions;
-use std::io::{self, BufWriter};
+use std::io;
 use std::path::{Path, PathBuf};
+use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use mcap::records::MessageHeader;
-use mcap::{McapError, WriteOptions};
 use supersigma_protocol::bus::Lane;
 use supersigma_protocol::{About, Body, CardKind, Frame, FrameError, Report, Sender, Sequence, Tick, Ticks};
 
 use super::LogError;
-use super::channels::{Channels, McapFile, write_preamble};
 use super::events::{Event, Watch};
-use super::header::{LogHeader, METADATA_NAME, Timeline, WallTime};
+use super::header::{LogHeader, Timeline, WallTime};
 use super::order::HoldBack;
-use super::schema::twin;
+use super::part::{Part, PartPlace};
+use super::rotation::{Rotation, part_path};
+use super::schema::{twin, twin_into};
 use super::senders::{Gap, Senders};
 use super::view::FrameView;
 
@@ -31,8 +31,11 @@ const HOLD_BACK: Duration = Duration::from_millis(20);
 /// The real time after which a caller with nothing to do comes back, if `flush` leaves room for it.
 const POLL: Duration = Duration::from_millis(10);
 
+/// Frames after which a chunk is closed in any case, so that memory stays small when many come at once.
+const FRAMES_OF_A_FLUSH: u32 = 8_192;
+
 /// What a log holds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 pub struct LogSummary {
     /// Everything that was on the bus.
     pub frames: u64,
@@ -46,16 +49,21 @@ pub struct LogSummary {
     pub lost: u64,
     /// Bytes on the bus that are no frame.
     pub undecodable: u64,
-    /// The length of the file.
+    /// The length of its files.
     pub bytes: u64,
+    /// Its files, in order.
+    pub parts: Vec<PathBuf>,
 }
 
 /// A log that is being written.
 pub struct LogWriter {
     path: PathBuf,
     header: LogHeader,
-    mcap: McapFile,
-    channels: Channels,
+    part: Part,
+    number: u32,
+    rotation: Rotation,
+    /// The file before this one, on its way to the disk.
+    settling: Option<JoinHandle<io::Result<()>>>,
     order: HoldBack<Noted>,
     hold: Ticks,
     /// The age at which recorded frames are flushed.
@@ -66,9 +74,19 @@ pub struct LogWriter {
     held_commands: VecDeque<(Sequence, Tick)>,
     /// When the oldest frame that is not on disk was recorded.
     oldest: Option<Tick>,
+    /// Frames since the last flush.
+    unflushed: u32,
     last_time: WallTime,
     watch: Watch,
+    /// The twin that is being written.
+    message: Vec<u8>,
     counts: LogSummary,
+    /// What the files hold that cannot be lost any more.
+    saved: LogSummary,
+    /// The length of the files before this one.
+    earlier_bytes: u64,
+    /// The greatest age at which a frame came.
+    lag: Ticks,
 }
 
 /// A frame that is held back.
@@ -81,52 +99,76 @@ struct Noted {
     recorded: Tick,
 }
 
+impl LogSummary {
+    /// What is in this and in what follows it.
+    #[must_use]
+    pub fn and(mut self, next: Self) -> Self {
+        self.frames += next.frames;
+        self.commands += next.commands;
+        self.answers += next.answers;
+        self.gaps += next.gaps;
+        self.lost += next.lost;
+        self.undecodable += next.undecodable;
+        self.bytes += next.bytes;
+        self.parts.extend(next.parts);
+        self
+    }
+}
+
 impl LogWriter {
     /// Begins a log. Header, attachments and channels are on disk when this returns. `flush` is the real time within
     /// which a recorded frame is readable on disk, for callers who come by every [`LogWriter::poll`].
     ///
     /// # Errors
-    /// If the file exists, or cannot be made or written.
+    /// If the file exists, or cannot be made or written; then nothing is left of it.
     pub fn create(path: &Path, header: LogHeader, flush: Duration) -> Result<Self, LogError> {
-        let file =
-            OpenOptions::new().write(true).create_new(true).open(path).map_err(|source| {
-                match source.kind() {
-                    io::ErrorKind::AlreadyExists => LogError::Exists { path: path.to_owned() },
-                    _ => LogError::Create { path: path.to_owned(), source },
-                }
-            })?;
-        let write = |source| LogError::Write { path: path.to_owned(), source };
-        let mut mcap = WriteOptions::new()
-            .profile(METADATA_NAME)
-            // One thread is plenty for a bus, and a chunk in memory reaches the file whole or not at all.
-            .compression_threads(0)
-            .disable_seeking(true)
-            .create(BufWriter::new(file))
-            .map_err(write)?;
-        write_preamble(&mut mcap, &header).map_err(write)?;
-        let channels = Channels::add(&mut mcap, &header).map_err(write)?;
-        mcap.flush().map_err(write)?;
+        Self::resume(path, 1, header, flush)
+    }
 
-        let Timeline { epoch, .. } = header.timeline;
+    /// The same from this part on, of a log whose earlier parts, from 1, somebody else has written.
+    ///
+    /// # Errors
+    /// As for [`LogWriter::create`].
+    pub fn resume(path: &Path, part: u32, header: LogHeader, flush: Duration) -> Result<Self, LogError> {
+        let number = part.max(1);
+        let file = part_path(path, number);
+        let before = (number > 1).then(|| part_path(path, number - 1));
+        let previous = before.and_then(|file| Some(file.file_name()?.to_string_lossy().into_owned()));
+        let part = Part::create(&file, &header, &PartPlace { number, previous }, Tick(0))?;
+        let Timeline { epoch, scale } = header.timeline;
         // The hold-back, its allowance for clocks that disagree, and a caller's poll together must fit into `flush`.
         let quarter = flush / 4;
-        let hold = header.timeline.scale.ticks(HOLD_BACK.min(quarter));
+        let hold = scale.ticks(HOLD_BACK.min(quarter));
+        let counts = LogSummary { parts: vec![file], bytes: part.bytes(), ..LogSummary::default() };
         Ok(Self {
             path: path.to_owned(),
-            channels,
+            part,
+            number,
+            rotation: Rotation::default(),
+            settling: None,
             order: HoldBack::new(hold),
             hold,
-            flush_age: header.timeline.scale.ticks(quarter * 3),
+            flush_age: scale.ticks(quarter * 3),
             poll: POLL.min(quarter).max(Duration::from_millis(1)),
             header,
-            mcap,
             senders: Senders::default(),
             held_commands: VecDeque::new(),
             oldest: None,
+            unflushed: 0,
             last_time: epoch,
             watch: Watch::default(),
-            counts: LogSummary::default(),
+            message: Vec::new(),
+            saved: counts.clone(),
+            counts,
+            earlier_bytes: 0,
+            lag: Ticks(0),
         })
+    }
+
+    /// The same log, in several files.
+    #[must_use]
+    pub fn rotating(self, rotation: Rotation) -> Self {
+        Self { rotation, ..self }
     }
 
     /// How time runs in this log.
@@ -141,10 +183,34 @@ impl LogWriter {
         self.poll
     }
 
-    /// What the log holds so far, without its length.
+    /// What the log holds so far. Its length is that of what is on disk.
     #[must_use]
-    pub const fn counts(&self) -> LogSummary {
-        self.counts
+    pub const fn counts(&self) -> &LogSummary {
+        &self.counts
+    }
+
+    /// What is on disk, readable, whatever happens from now on.
+    #[must_use]
+    pub const fn saved(&self) -> &LogSummary {
+        &self.saved
+    }
+
+    /// The file that is being written.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        self.part.path()
+    }
+
+    /// Whether the disk has no more room than what is set aside for the end of the log. Who goes on recording for long
+    /// will see it fail.
+    #[must_use]
+    pub fn is_full(&self) -> bool {
+        self.part.is_full()
+    }
+
+    /// The greatest age at which a frame has come since this was asked last.
+    pub fn take_lag(&mut self) -> Ticks {
+        std::mem::replace(&mut self.lag, Ticks(0))
     }
 
     /// Whether cards were on the bus and each of them has sent its last frame.
@@ -157,32 +223,28 @@ impl LogWriter {
     pub fn record(&mut self, lane: Lane, bytes: &[u8], now: Tick) -> Option<Gap> {
         let frame = Frame::decode(bytes);
         let (gap, at) = self.place(&frame, now);
-        self.counts.frames += 1;
-        match &frame {
-            Ok(Frame { body: Body::Command(_) | Body::Fault(..), .. }) => self.counts.commands += 1,
-            Ok(Frame { body: Body::Answer(_), .. }) => self.counts.answers += 1,
-            Err(_) => self.counts.undecodable += 1,
-        }
-        if let Some(gap) = gap {
-            self.counts.gaps += 1;
-            self.counts.lost = self.counts.lost.saturating_add(gap.lost());
+        if let Ok(frame) = &frame {
+            self.lag = self.lag.max(now.since(frame.tick.min(now)));
         }
         self.oldest.get_or_insert(now);
         self.order.push(at, Noted { lane, bytes: bytes.to_vec(), frame, gap, recorded: now });
         gap
     }
 
-    /// Writes what has been held back long enough, and flushes what is due.
+    /// Writes what has been held back long enough, flushes what is due, and goes on in another file when it is time.
     ///
     /// # Errors
-    /// If the file cannot be written. What was flushed before stays readable.
+    /// If the file cannot be written. What was flushed before stays readable, and the file is closed: only
+    /// [`LogWriter::saved`] makes sense then.
     pub fn advance(&mut self, now: Tick) -> Result<(), LogError> {
         while let Some((at, noted)) = self.order.pop_due(now) {
             self.write(at, &noted)?;
+            if self.unflushed >= FRAMES_OF_A_FLUSH {
+                self.flush(now)?;
+            }
         }
         if self.oldest.is_some_and(|oldest| now.since(oldest) >= self.flush_age) {
-            self.mcap.flush().map_err(|source| self.failed(source))?;
-            self.oldest = self.order.iter().map(|noted| noted.recorded).min();
+            self.flush(now)?;
         }
         Ok(())
     }
@@ -195,17 +257,68 @@ impl LogWriter {
         while let Some((at, noted)) = self.order.pop() {
             self.write(at, &noted)?;
         }
-        self.mcap.finish().map_err(|source| self.failed(source))?;
-        let Self { path, mcap, counts, .. } = self;
-        let synced =
-            mcap.into_inner().into_inner().map_err(io::IntoInnerError::into_error).and_then(|file| {
-                file.sync_all()?;
-                Ok(file.metadata()?.len())
-            });
-        match synced {
-            Ok(bytes) => Ok(LogSummary { bytes, ..counts }),
-            Err(source) => Err(LogError::Write { path, source: source.into() }),
+        let Self { part, settling, mut counts, earlier_bytes, .. } = self;
+        let path = part.path().to_owned();
+        let (bytes, file) = part.finish()?;
+        counts.bytes = earlier_bytes + bytes;
+        match file.sync_all().and_then(|()| settled(settling)) {
+            Ok(()) => Ok(counts),
+            Err(error) => Err(LogError::Write { path, error: error.into() }),
         }
+    }
+
+    fn flush(&mut self, now: Tick) -> Result<(), LogError> {
+        self.part.flush()?;
+        self.unflushed = 0;
+        self.oldest = self.order.iter().map(|noted| noted.recorded).min();
+        self.save();
+        let age = self.header.timeline.scale.real(now.since(self.part.began.min(now)));
+        // A full disk has no room for another file either.
+        if self.rotation.is_due(self.part.bytes(), age) && !self.part.is_full() {
+            self.rotate(now)?;
+        }
+        Ok(())
+    }
+
+    /// Goes on in another file. If there cannot be one, the log stays in this one: that is better than none.
+    fn rotate(&mut self, now: Tick) -> Result<(), LogError> {
+        let previous = self.part.path().file_name().map(|name| name.to_string_lossy().into_owned());
+        let next = loop {
+            self.number += 1;
+            let place = PartPlace {
+                number: u32::try_from(self.counts.parts.len()).unwrap_or(u32::MAX).saturating_add(1),
+                previous: previous.clone(),
+            };
+            match Part::create(&part_path(&self.path, self.number), &self.header, &place, now) {
+                Ok(next) => break next,
+                // Somebody else's, and precious.
+                Err(LogError::Exists { .. }) => {}
+                Err(error) => {
+                    tracing::error!(%error, "the log does not go on in another file, it stays in this one");
+                    self.rotation = Rotation::default();
+                    return Ok(());
+                }
+            }
+        };
+        let part = std::mem::replace(&mut self.part, next);
+        let path = part.path().to_owned();
+        let (bytes, file) = part.finish()?;
+        self.earlier_bytes += bytes;
+        self.counts.parts.push(self.part.path().to_owned());
+        self.save();
+        // Frames go on coming while the disk takes its time.
+        let before = self.settling.take();
+        let settle = move || file.sync_all().and_then(|()| settled(before));
+        match thread::Builder::new().name("settle".into()).spawn(settle) {
+            Ok(settling) => self.settling = Some(settling),
+            Err(error) => return Err(LogError::Write { path, error: error.into() }),
+        }
+        Ok(())
+    }
+
+    fn save(&mut self) {
+        self.counts.bytes = self.earlier_bytes + self.part.bytes();
+        self.saved.clone_from(&self.counts);
     }
 
     /// The gap that a frame shows, and the tick at which it is put into the file's order: its own; but not before an
@@ -232,25 +345,28 @@ impl LogWriter {
         if frame.as_ref().is_ok_and(is_ccu_command) {
             self.held_commands.pop_front();
         }
+        self.count(frame.as_ref().ok(), *gap);
         let timeline = self.header.timeline;
         let time = timeline.wall(at).max(self.last_time);
         self.last_time = time;
         let published = timeline.wall(frame.as_ref().map_or(at, |frame| frame.tick));
-        self.put(self.channels.microbus(*lane), None, time, published, bytes)?;
+        self.part.put(self.part.channels().microbus(*lane), None, time, published, bytes)?;
 
         let names = &self.header.names;
         let mut events: Vec<Event> = gap.map(|gap| Event::gap(gap, names)).into_iter().collect();
         match frame {
             Ok(frame) => {
                 events.extend(self.watch.events(frame, names));
-                let message = match FrameView::new(bytes, Ok(frame), names) {
-                    FrameView::Command(view) => twin(&view),
-                    FrameView::Answer(view) => twin(&view),
-                    FrameView::Undecodable(view) => twin(&view),
-                };
-                match self.twin_channel(frame)? {
+                match twin_channel(&mut self.part, frame, &self.header)? {
                     Some(channel) => {
-                        self.put(channel, Some(frame.sequence), time, published, &message)?;
+                        let message = &mut self.message;
+                        message.clear();
+                        match FrameView::new(bytes, Ok(frame), names) {
+                            FrameView::Command(view) => twin_into(&view, message),
+                            FrameView::Answer(view) => twin_into(&view, message),
+                            FrameView::Undecodable(view) => twin_into(&view, message),
+                        }
+                        self.part.put(channel, Some(frame.sequence.0), time, published, message)?;
                     }
                     None => events.push(Event::stranger(frame)),
                 }
@@ -258,50 +374,45 @@ impl LogWriter {
             Err(error) => events.push(Event::undecodable(bytes, error)),
         }
         for event in &events {
-            self.put(self.channels.events(), None, time, published, &twin(&event.at(time)))?;
+            let channel = self.part.channels().events();
+            self.part.put(channel, None, time, published, &twin(&event.at(time)))?;
         }
         Ok(())
     }
 
-    /// The channel for the twin of a frame; `None` for a motor's state under an address that is no axis'.
-    fn twin_channel(&mut self, frame: &Frame) -> Result<Option<u16>, LogError> {
-        let Body::Answer(answer) = &frame.body else {
-            return Ok(Some(self.channels.command()));
-        };
-        match (answer.report, answer.card.kind()) {
-            (Report::Digital(_), _) => Ok(Some(self.channels.digital())),
-            (Report::Axis(_), CardKind::Axis(axis)) => {
-                let channel = self.channels.axis(axis, &mut self.mcap, &self.header);
-                channel.map(Some).map_err(|source| self.failed(source))
-            }
-            (Report::Axis(_), _) => Ok(None),
+    fn count(&mut self, frame: Option<&Frame>, gap: Option<Gap>) {
+        self.unflushed += 1;
+        self.counts.frames += 1;
+        match frame.map(|frame| &frame.body) {
+            Some(Body::Command(_) | Body::Fault(..)) => self.counts.commands += 1,
+            Some(Body::Answer(_)) => self.counts.answers += 1,
+            None => self.counts.undecodable += 1,
+        }
+        if let Some(gap) = gap {
+            self.counts.gaps += 1;
+            self.counts.lost = self.counts.lost.saturating_add(gap.lost());
         }
     }
+}
 
-    /// Writes one message. `number` is its place on the channel; without one, messages are counted.
-    fn put(
-        &mut self,
-        channel: u16,
-        number: Option<Sequence>,
-        log_time: WallTime,
-        publish_time: WallTime,
-        data: &[u8],
-    ) -> Result<(), LogError> {
-        let counted = self.channels.count(channel);
-        let number = number.map_or(counted, |number| number.0);
-        let header = MessageHeader {
-            channel_id: channel,
-            // The format has 32 bits for it; they wrap.
-            sequence: (number & u64::from(u32::MAX)).try_into().unwrap_or_default(),
-            log_time: log_time.0,
-            publish_time: publish_time.0,
-        };
-        self.mcap.write_to_known_channel(&header, data).map_err(|source| self.failed(source))
+/// The channel for the twin of a frame; `None` for a motor's state under an address that is no axis'.
+fn twin_channel(part: &mut Part, frame: &Frame, header: &LogHeader) -> Result<Option<u16>, LogError> {
+    let Body::Answer(answer) = &frame.body else {
+        return Ok(Some(part.channels().command()));
+    };
+    match (answer.report, answer.card.kind()) {
+        (Report::Digital(_), _) => Ok(Some(part.channels().digital())),
+        (Report::Axis(_), CardKind::Axis(axis)) => part.axis(axis, header).map(Some),
+        (Report::Axis(_), _) => Ok(None),
     }
+}
 
-    fn failed(&self, source: McapError) -> LogError {
-        LogError::Write { path: self.path.clone(), source }
-    }
+/// Waits until an earlier file is on the disk.
+fn settled(settling: Option<JoinHandle<io::Result<()>>>) -> io::Result<()> {
+    let joined = settling.map(JoinHandle::join);
+    joined.map_or(Ok(()), |result| {
+        result.unwrap_or_else(|_| Err(io::Error::other("the thread that waits for the disk has failed")))
+    })
 }
 
 fn is_ccu_command(frame: &Frame) -> bool {

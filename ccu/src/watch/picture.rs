@@ -84,8 +84,9 @@ impl Picture {
     /// Takes what the set says of itself. What its cards have said on the bus is newer and stays.
     pub fn describe(&mut self, at: Duration, set: &Description) {
         self.advance(at);
-        if self.set.as_ref().is_none_or(|before| before.recording) && !set.recording {
-            let message = "the recorder has ended; nothing moves without a log".to_owned();
+        let before = self.set.as_ref().and_then(|set| set.recorder.trouble.as_ref());
+        if let Some(trouble) = set.recorder.trouble.as_ref().filter(|trouble| before != Some(*trouble)) {
+            let message = format!("{}; nothing moves without a log", trouble.reason);
             self.event(Event { level: Level::Error, name: "recorder".to_owned(), message });
         }
         self.set = Some(set.into());

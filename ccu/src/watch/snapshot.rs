@@ -1,15 +1,13 @@
 //! The picture at one moment, as plain data: what a dashboard draws and what programs read as JSON. The keys are a
 //! contract. Nothing is computed in here that the frames do not say.
 
-use std::path::PathBuf;
-
 use serde::Serialize;
 use supersigma_config::AxisConfig;
 use supersigma_protocol::bus::Lane;
 use supersigma_protocol::{Activity, Address, AxisNumber, Deviation, Position, Steps, Tick};
 
 use super::frames::Filter;
-use crate::control::Description;
+use crate::control::{Description, ProcessView, RecorderView};
 pub use crate::log::AlarmView;
 
 /// How much of everything a snapshot shall have.
@@ -73,12 +71,10 @@ pub struct SetView {
     pub up_s: f64,
     /// How many times faster than real time.
     pub time_scale: f64,
-    /// The log.
-    pub log: PathBuf,
-    /// The log's size in bytes.
-    pub log_bytes: Option<u64>,
-    /// Whether everything is being recorded.
-    pub recording: bool,
+    /// The recorder, and its log.
+    pub recorder: RecorderView,
+    /// Its processes.
+    pub processes: Vec<ProcessView>,
     /// Frames on its bus since it is up.
     pub frames: u64,
     /// Frames that were lost since it is up.
@@ -218,9 +214,8 @@ impl From<&Description> for SetView {
             pid: set.pid,
             up_s: set.up_s,
             time_scale: set.time_scale,
-            log: set.log.clone(),
-            log_bytes: set.log_bytes,
-            recording: set.recording,
+            recorder: set.recorder.clone(),
+            processes: set.processes.clone(),
             frames: set.frames,
             lost: set.lost,
         }

@@ -1,7 +1,7 @@
 //! Texts that fit the model and break a rule.
 
 use super::{AXIS, axis_and, axis_with, breaks, messages};
-use crate::{Config, Problem};
+use crate::{Config, OnLoss, Problem};
 
 #[test]
 fn one_to_seven_axes() {
@@ -224,6 +224,29 @@ fn milliseconds_are_not_zero() {
             "1 or more",
         );
     }
+}
+
+#[test]
+fn a_part_of_the_log_is_not_too_small() {
+    for (key, value, least) in [
+        ("rotate_mb", "0.05", "at least 0.1 megabytes"),
+        ("rotate_mb", "inf", "at least 0.1 megabytes"),
+        ("rotate_min", "0", "at least 0.01 minutes"),
+        ("rotate_min", "nan", "at least 0.01 minutes"),
+    ] {
+        breaks(
+            &axis_and(&format!("[log]\n{key} = {value}\n")),
+            &format!(
+                "set.toml:7:{}: log.{key}: a part of the log has {least}; leave the key out to have one file",
+                key.len() + 4
+            ),
+            "goes on in another file",
+        );
+    }
+    let set = Config::from_toml(&axis_and("[log]\nrotate_mb = 100\nrotate_min = 0.5\n"), "set.toml");
+    let log = set.expect("sound").log;
+    assert_eq!((log.rotate_mb, log.rotate_min, log.on_loss), (Some(100.0), Some(0.5), OnLoss::Warn));
+    assert!(Config::from_toml(&axis_and("[log]\non_loss = \"shrug\"\n"), "set.toml").is_err());
 }
 
 #[test]

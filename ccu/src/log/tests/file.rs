@@ -6,7 +6,7 @@ use std::process::Command as Process;
 use supersigma_protocol::Ticks;
 
 use super::*;
-use crate::log::{LogError, frames};
+use crate::log::{Form, FramesAsked, LogError, frames};
 
 /// A second of a small set: commands, answers, heartbeats, digital frames, an axis that is not configured.
 fn second() -> Vec<Frame> {
@@ -28,6 +28,10 @@ fn second() -> Vec<Frame> {
     frames
 }
 
+fn asked(axis: Option<&str>, json: bool) -> FramesAsked<'_> {
+    FramesAsked { axis, form: if json { Form::Json } else { Form::People }, ..FramesAsked::default() }
+}
+
 #[test]
 fn what_was_written_is_read() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -44,6 +48,7 @@ fn what_was_written_is_read() {
             lost: 0,
             undecodable: 0,
             bytes: fs::metadata(&path).expect("there").len(),
+            parts: vec![path.clone()],
         }
     );
     let (logged, reader) = read(&path);
@@ -170,7 +175,7 @@ fn a_line_for_every_frame() {
 
     let print = |axis: Option<&str>, json| {
         let mut out = Vec::new();
-        let count = frames(&path, axis, json, &mut out).expect("readable");
+        let count = frames(&path, &asked(axis, json), &mut out).expect("readable");
         (count, String::from_utf8(out).expect("UTF-8"))
     };
     let (count, text) = print(None, true);
@@ -188,7 +193,8 @@ fn a_line_for_every_frame() {
     assert_eq!(print(Some("left_x"), true).0.printed, 22);
     assert_eq!(print(Some("1"), true).0.printed, 22);
     assert_eq!(print(Some("left_y"), true).0.printed, 12);
-    let error = frames(&path, Some("elbow"), true, &mut io::sink()).expect_err("no such axis").to_string();
+    let error =
+        frames(&path, &asked(Some("elbow"), true), &mut io::sink()).expect_err("no such axis").to_string();
     assert!(error.ends_with("knows no axis `elbow`; it has 1 left_x, 2 left_y"), "{error}");
 }
 
@@ -208,10 +214,11 @@ fn a_reader_may_go_away() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("run.mcap");
     write(&path, &second());
-    for json in [false, true] {
-        let count = frames(&path, None, json, &mut Pipe(2_000)).expect("a quiet end");
-        assert!((1..54).contains(&count.printed), "{count:?}");
-        assert_eq!(frames(&path, None, json, &mut Pipe(0)).expect("a quiet end").printed, 0);
+    for form in [Form::People, Form::Json, Form::Csv] {
+        let asked = FramesAsked { form, ..FramesAsked::default() };
+        let count = frames(&path, &asked, &mut Pipe(2_000)).expect("a quiet end");
+        assert!(form == Form::Csv || (1..54).contains(&count.printed), "{count:?}");
+        assert_eq!(frames(&path, &asked, &mut Pipe(0)).expect("a quiet end").printed > 0, form == Form::Csv);
     }
 }
 

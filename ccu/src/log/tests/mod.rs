@@ -3,8 +3,12 @@
 mod cut;
 mod events;
 mod file;
+mod filter;
+mod info;
 mod order;
 mod recorder;
+mod recover;
+mod rotation;
 mod schema;
 mod view;
 

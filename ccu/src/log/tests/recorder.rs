@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use supersigma_protocol::bus::{BusError, Tap};
 
 use super::*;
-use crate::log::{LogError, run};
+use crate::log::{LogError, RecorderStatus, run};
 
 /// Hands over one batch per look at the bus. The set goes down when the `stop_after`th has been taken.
 struct Script<'a> {
@@ -42,6 +42,7 @@ struct Run {
     logged: Vec<LoggedFrame>,
     truncated: bool,
     looks: u64,
+    told: Vec<RecorderStatus>,
 }
 
 /// Ten milliseconds pass with every look at the bus.
@@ -51,9 +52,10 @@ fn record(batches: Vec<Vec<Frame>>, stop_after: usize, broken: bool) -> Run {
     let (stop, looks) = (AtomicBool::new(false), AtomicU64::new(0));
     let script = Script { batches: batches.into(), stop: &stop, stop_after, looks: &looks, broken };
     let clock = || Tick(looks.load(Ordering::Relaxed) * 10 * MILLISECOND);
-    let result = run(script, writer(&path), clock, &stop);
+    let mut told = Vec::new();
+    let result = run(script, writer(&path), clock, &stop, |status| told.push(status.clone()));
     let (logged, reader) = read(&path);
-    Run { result, logged, truncated: reader.truncated(), looks: looks.into_inner() }
+    Run { result, logged, truncated: reader.truncated(), looks: looks.into_inner(), told }
 }
 
 #[test]
@@ -92,4 +94,20 @@ fn a_broken_bus_leaves_a_finished_log() {
     let run = record(vec![vec![answer(1, 0, 2, HEARTBEAT)]], 90, true);
     assert!(matches!(run.result, Err(LogError::Bus(_))));
     assert_eq!((run.logged.len(), run.truncated), (1, false));
+}
+
+#[test]
+fn what_has_changed_is_told_every_quarter_of_a_second() {
+    // A look is 10 ms. A frame that is 70 ms old when it comes, then a gap of three, then nothing.
+    let mut batches = vec![Vec::new(); 60];
+    batches[8] = vec![answer(1, 0, 20 * MILLISECOND, HEARTBEAT)];
+    batches[30] = vec![answer(1, 4, 310 * MILLISECOND, HEARTBEAT)];
+    let run = record(batches, 200, false);
+    let told: Vec<_> =
+        run.told.iter().map(|status| (status.log.frames, status.log.lost, status.behind_ms)).collect();
+    // The last is told when the log is finished: all of it is then on disk.
+    assert_eq!(told, [(1, 0, 70), (2, 3, 0), (2, 3, 0)], "{:?}", run.told);
+    let summary = run.result.expect("nothing failed");
+    assert_eq!(run.told.last().map(|status| &status.log), Some(&summary));
+    assert_eq!((summary.gaps, summary.lost), (1, 3));
 }

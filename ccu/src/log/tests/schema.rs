@@ -170,3 +170,37 @@ fn the_text_names_every_variant_at_its_number() {
     check_variants::<Sender>("Sender");
     check_variants::<Body>("Body");
 }
+
+/// The oracle: nulls are dropped from the value, not from the text.
+fn without_nulls(value: &mut Value) {
+    if let Value::Object(fields) = value {
+        fields.retain(|_, field| !field.is_null());
+        fields.values_mut().for_each(without_nulls);
+    }
+}
+
+proptest::proptest! {
+    #[test]
+    fn nulls_are_dropped_wherever_they_stand(
+        fields in proptest::collection::vec((0..4_u8, r#"[a:,{}"\\nul]{0,8}"#), 0..12),
+        depth in 0..3_usize,
+    ) {
+        let mut value = serde_json::Map::new();
+        for (number, (kind, text)) in fields.into_iter().enumerate() {
+            let field = match kind {
+                0 => Value::Null,
+                1 => Value::from(format!("{text}\":null")),
+                2 => Value::from(number),
+                _ => Value::from(text),
+            };
+            value.insert(format!("k{number}"), field);
+        }
+        let mut value = Value::Object(value);
+        for _ in 0..depth {
+            value = serde_json::json!({ "a": null, "inner": value.clone(), "last": null, "m": value });
+        }
+        let message: Value = serde_json::from_slice(&twin(&value)).expect("JSON");
+        without_nulls(&mut value);
+        proptest::prop_assert_eq!(message, value);
+    }
+}

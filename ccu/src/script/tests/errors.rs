@@ -6,7 +6,7 @@ use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme};
 use supersigma_protocol::{Alarm, AxisNumber, Fault, Position, Refusal, Steps};
 
 use super::bench::Rig;
-use crate::executive::Failure;
+use crate::executive::{Failure, LogTrouble};
 use crate::script::ScriptError;
 use crate::script::trouble::Trouble;
 
@@ -279,12 +279,13 @@ fn nobody_catches_the_end_of_the_set_or_of_somebodys_patience() {
 fn kinds_are_called_as_in_json() {
     let rig = Rig::new();
     let (axis, position) = (axis(1), None);
+    let no_log = LogTrouble { reason: "the recorder is gone".into(), advice: "begin anew".into() };
     let cases = [
         (Failure::Stopped { axis, done: Steps(3), position, at: None }, "stopped", Some("left_x")),
         (Failure::Overdue { axis, milliseconds: 500, done: Steps(3), at: None }, "overdue", Some("left_x")),
         (Failure::NotConfirmed { axis }, "not_confirmed", Some("left_x")),
         (Failure::NoAnswer { card: axis.address(), milliseconds: 500 }, "no_answer", None),
-        (Failure::NoLog, "no_log", None),
+        (Failure::NoLog(no_log), "no_log", None),
     ];
     for (failure, kind, name) in cases {
         let trouble = Trouble::robot(failure, &rig.knowledge);
