@@ -1,4 +1,4 @@
-//! A real browser: headless Chromium, driven over its DevTools protocol. Only what the tests need.
+//! A real browser: headless Chromium, driven over its protocol for developers' tools. Only what the tests need.
 
 use std::fs;
 use std::io::{BufRead, BufReader};
@@ -182,7 +182,7 @@ impl Browser {
                 self.errors.push(told["args"].to_string());
             }
             "Log.entryAdded" if told["entry"]["level"] == "error" => {
-                self.errors.push(told["entry"].to_string())
+                self.errors.push(told["entry"].to_string());
             }
             "Network.requestWillBeSent" => {
                 self.requests.extend(told["request"]["url"].as_str().map(str::to_owned));

@@ -57,8 +57,23 @@ impl Events {
         Self(reader)
     }
 
-    /// The next event, by name and data; `None` at the end.
-    pub fn next(&mut self) -> Option<(String, Value)> {
+    /// Reads until an event with this name is one that is waited for, and gives its data.
+    pub fn until(&mut self, name: &str, wanted: impl Fn(&Value) -> bool) -> Value {
+        let deadline = std::time::Instant::now() + LIMIT;
+        loop {
+            let (event, data) = self.next().unwrap_or_else(|| panic!("the stream has ended before {name:?}"));
+            if event == name && wanted(&data) {
+                return data;
+            }
+            assert!(std::time::Instant::now() < deadline, "no such {name:?}; the last event: {data}");
+        }
+    }
+}
+
+/// By name and data.
+impl Iterator for Events {
+    type Item = (String, Value);
+    fn next(&mut self) -> Option<(String, Value)> {
         let mut name = None;
         loop {
             let mut line = String::new();
@@ -71,18 +86,6 @@ impl Events {
             } else if let (Some(data), Some(name)) = (line.strip_prefix("data: "), name.take()) {
                 return Some((name, serde_json::from_str(data).expect("JSON")));
             }
-        }
-    }
-
-    /// Reads until an event with this name is one that is waited for, and gives its data.
-    pub fn until(&mut self, name: &str, wanted: impl Fn(&Value) -> bool) -> Value {
-        let deadline = std::time::Instant::now() + LIMIT;
-        loop {
-            let (event, data) = self.next().unwrap_or_else(|| panic!("the stream has ended before {name:?}"));
-            if event == name && wanted(&data) {
-                return data;
-            }
-            assert!(std::time::Instant::now() < deadline, "no such {name:?}; the last event: {data}");
         }
     }
 }

@@ -44,6 +44,11 @@ async fn ask(site: &Arc<Site>, request: &str, headers: &[(&str, &str)], body: &s
     routes::router(Arc::clone(site)).oneshot(request).await.expect("there is always an answer")
 }
 
+/// Its status, and a header.
+fn told<'a>(response: &'a Response<Body>, header: &str) -> (u16, &'a str) {
+    (response.status().as_u16(), response.headers()[header].to_str().expect("text"))
+}
+
 async fn text(response: Response<Body>) -> String {
     let bytes = response.into_body().collect().await.expect("a body").to_bytes();
     String::from_utf8(bytes.to_vec()).expect("text")
@@ -54,7 +59,7 @@ async fn the_page_asks_for_nothing_that_is_not_here() {
     let (site, _end) = site(|_| {});
     for asset in assets::ALL {
         let response = ask(&site, &format!("GET /assets/{}", asset.name), &[], "").await;
-        assert_eq!((response.status().as_u16(), &response.headers()["content-type"]), (200, &*asset.kind));
+        assert_eq!(told(&response, "content-type"), (200, asset.kind));
         assert_eq!(text(response).await, asset.text);
         // Addresses of other places; the name of SVG's language is not one.
         let rest = asset.text.replace("http://www.w3.org/2000/svg", "");
@@ -79,7 +84,7 @@ async fn the_page_asks_for_nothing_that_is_not_here() {
 async fn a_snapshot_has_what_is_wanted_and_is_not_kept() {
     let (site, _end) = site(|_| {});
     let down = ask(&site, "GET /api/snapshot", &[], "").await;
-    assert_eq!((down.status().as_u16(), &down.headers()["cache-control"]), (503, "no-store"));
+    assert_eq!(told(&down, "cache-control"), (503, "no-store"));
     up(&site);
     let answer = text(ask(&site, "GET /api/snapshot?history=1", &[], "").await).await;
     let answer: Value = serde_json::from_str(&answer).expect("JSON");
@@ -113,7 +118,7 @@ async fn orders_are_json_short_and_known() {
     assert_eq!(status(&[known, json], "{}").await, 503);
     assert_eq!(ask(&site, "GET /api/halt", &[known], "").await.status(), 405);
     let secret = ask(&site, "GET /api/snapshot?token=sixteen-letters-or-more", &[], "").await;
-    assert_eq!((secret.status().as_u16(), &secret.headers()["www-authenticate"]), (401, "Bearer"));
+    assert_eq!(told(&secret, "www-authenticate"), (401, "Bearer"));
 }
 
 #[tokio::test]
@@ -124,7 +129,7 @@ async fn only_so_many_may_watch_and_so_many_movements_wait() {
     });
     let mut first = ask(&site, "GET /api/events", &[], "").await.into_body();
     let second = ask(&site, "GET /api/events", &[], "").await;
-    assert_eq!((second.status().as_u16(), &second.headers()["retry-after"]), (503, "5"));
+    assert_eq!(told(&second, "retry-after"), (503, "5"));
     site.board.write(&mut site.live.look());
     let chunk = first.frame().await.expect("a chunk").expect("no error").into_data().expect("data");
     assert!(chunk.starts_with(b"event: set\n"), "{chunk:?}");
