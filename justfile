@@ -28,14 +28,15 @@ demo:
 docs:
     mdbook build docs
 
+# Draw the book's pictures of the web page; needs Chromium
+web-pictures:
+    cargo test -p supersigma-ccu --test browser -- --ignored pictures
+
 # Draw the book's pictures anew; a test says when they are stale
 pictures:
     cargo run --release -p supersigma-ccu --example pictures -- --out docs/src/generated
+    docs/pictures
 
 # Write the manual pages of all commands to target/man
 man:
     cargo run --release -- man target/man
-
-# Draw the pictures of the book anew: docs/src/generated/monitor.txt
-pictures:
-    docs/pictures

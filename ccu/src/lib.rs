@@ -12,4 +12,5 @@ pub mod plot;
 pub mod profile;
 pub mod replay;
 pub mod script;
+pub mod serve;
 pub mod watch;

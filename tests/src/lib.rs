@@ -9,8 +9,10 @@
 //! are is read from `/proc`, so the tests need Linux.
 #![expect(clippy::missing_panics_doc, reason = "a test's tools fail by panicking, all of them")]
 
+mod browser;
 mod cell;
 mod config;
+pub mod http;
 mod process;
 mod ran;
 mod terminal;
@@ -18,6 +20,7 @@ mod terminal;
 use std::thread;
 use std::time::{Duration, Instant};
 
+pub use browser::Browser;
 pub use cell::{Cell, Up};
 pub use config::{changed, patient};
 pub use process::{Process, Running};

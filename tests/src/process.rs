@@ -79,14 +79,24 @@ impl Running {
 
     /// Waits until `text` stands in its standard output.
     pub fn says(&mut self, text: &str) {
+        let _ = self.line_with(text);
+    }
+
+    /// Waits until `text` stands in its standard output, and gives the whole line.
+    #[must_use = "or call `says`"]
+    pub fn line_with(&mut self, text: &str) -> String {
         let (what, child) = (&self.what, self.child.as_mut().expect("not waited for yet"));
         eventually(&format!("{text:?} from `{what}`"), || {
             let ended = child.try_wait().expect("a child can be asked");
-            let said = self.stdout.text().contains(text);
-            let errors = || self.stderr.text();
-            assert!(said || ended.is_none(), "`{what}` has ended without {text:?}: {}", errors());
-            said.then_some(())
-        });
+            let said = self.stdout.text();
+            let line = said.split_inclusive('\n').find(|line| line.contains(text) && line.ends_with('\n'));
+            assert!(
+                line.is_some() || ended.is_none(),
+                "`{what}` has ended without {text:?}: {}",
+                self.stderr.text()
+            );
+            line.map(|line| line.trim_end().to_owned())
+        })
     }
 
     /// Waits until it has ended, and nobody holds its output any more.

@@ -18,6 +18,7 @@ mod rehearsal;
 mod repl;
 mod replay;
 mod run;
+mod serve;
 mod service;
 mod set;
 mod show;
@@ -147,6 +148,17 @@ Examples:
     /// What the axes are doing
     #[command(after_help = "Examples:\n  ccu status\n  ccu status left_x --json\n  ccu status --watch")]
     Status(ask::StatusArgs),
+    /// Show a set in a browser: a small web server for this machine
+    #[command(after_help = "\
+Examples:
+  ccu serve                           look at http://127.0.0.1:8748/
+  ccu serve --listen 0 --control      any free port; orders from those who have the printed token
+  ccu serve --listen 0.0.0.0:8748 --token-file ~/.config/supersigma/token
+
+The set need not be up: the page waits for it, and for its return. Everything below /api asks for the
+token, if there is one; what programs can read and order there is described in the book, \"The web
+interface\".")]
+    Serve(serve::ServeArgs),
     /// A dashboard: rails, speeds, lamps, frames and events as they happen, and keys that halt and brake
     #[command(after_help = "\
 Examples:
@@ -350,6 +362,7 @@ impl Command {
             Self::Brake(args) => ask::brake(&args),
             Self::Clear(args) => ask::clear(&args),
             Self::Status(args) => ask::status(&args),
+            Self::Serve(args) => serve::serve(&args),
             Self::Monitor(args) => monitor::monitor(&args),
             Self::Input(args) => panel::input(&args),
             Self::Output(args) => panel::output(&args),

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use supersigma_protocol::bus::Lane;
-use supersigma_protocol::{About, AxisNumber, Body, Frame, FrameError, Occasion};
+use supersigma_protocol::{About, Address, AxisNumber, Body, Frame, FrameError, Occasion};
 
 use super::snapshot::FrameLine;
 use crate::log::{AxisNames, FrameView, Lines, concerns};
@@ -30,6 +30,18 @@ pub(super) struct Frames {
     all: VecDeque<Kept>,
     telling: VecDeque<Kept>,
     count: u64,
+    telling_count: u64,
+}
+
+/// Frames from some place on.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Passage {
+    /// So many of them are not kept any more.
+    pub missed: u64,
+    /// The others, oldest first.
+    pub lines: Vec<FrameLine>,
+    /// The place after them.
+    pub next: u64,
 }
 
 #[derive(Debug, Clone)]
@@ -42,7 +54,7 @@ struct Kept {
 impl Frames {
     pub(super) fn new(names: AxisNames) -> Self {
         let lines = Lines::narrow(&names);
-        Self { names, lines, all: VecDeque::new(), telling: VecDeque::new(), count: 0 }
+        Self { names, lines, all: VecDeque::new(), telling: VecDeque::new(), count: 0, telling_count: 0 }
     }
 
     /// The titles over the lines.
@@ -54,6 +66,7 @@ impl Frames {
         self.count += 1;
         let kept = Kept { number: self.count, lane, bytes: bytes.to_vec() };
         if tells_something(frame) {
+            self.telling_count += 1;
             push(&mut self.telling, kept.clone());
         }
         push(&mut self.all, kept);
@@ -74,13 +87,23 @@ impl Frames {
         lines
     }
 
+    /// Those from the place `from` on, which counts those that are kept from 0; with `all`, also samples and heartbeats.
+    pub(super) fn passage(&self, from: u64, all: bool) -> Passage {
+        let (kept, next) = if all { (&self.all, self.count) } else { (&self.telling, self.telling_count) };
+        let first = next - kept.len() as u64;
+        let skipped = usize::try_from(from.saturating_sub(first)).unwrap_or(usize::MAX);
+        let lines = kept.iter().skip(skipped).filter_map(|kept| self.line(kept, None)).collect();
+        Passage { missed: first.saturating_sub(from), lines, next }
+    }
+
     fn line(&self, kept: &Kept, axis: Option<AxisNumber>) -> Option<FrameLine> {
         let frame = Frame::decode(&kept.bytes);
         if axis.is_some_and(|axis| !frame.as_ref().is_ok_and(|frame| concerns(frame, axis))) {
             return None;
         }
         let view = FrameView::new(&kept.bytes, frame.as_ref(), &self.names);
-        Some(FrameLine { number: kept.number, lane: kept.lane.into(), text: self.lines.line(&view) })
+        let card = frame.as_ref().ok().and_then(card);
+        Some(FrameLine { number: kept.number, lane: kept.lane.into(), card, text: self.lines.line(&view) })
     }
 }
 
@@ -89,6 +112,15 @@ fn push(ring: &mut VecDeque<Kept>, kept: Kept) {
         ring.pop_front();
     }
     ring.push_back(kept);
+}
+
+/// Whom a frame is for, or from.
+fn card(frame: &Frame) -> Option<Address> {
+    match &frame.body {
+        Body::Command(command) => command.bytes.as_slice().first().map(|to| Address(*to)),
+        Body::Answer(answer) => Some(answer.card),
+        Body::Fault(axis, _) => Some(axis.address()),
+    }
 }
 
 fn tells_something(frame: Result<&Frame, &FrameError>) -> bool {

@@ -21,7 +21,7 @@ mod snapshot;
 mod tests;
 
 pub use feed::{Feed, News};
-pub use frames::Filter;
+pub use frames::{Filter, Passage};
 pub use picture::Picture;
 pub use snapshot::{
     AlarmView, AxisSnapshot, Detail, DigitalSnapshot, EventView, FrameLine, LaneCounts, LaneName, LineView,

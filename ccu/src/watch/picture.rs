@@ -11,7 +11,7 @@ use supersigma_protocol::{
 };
 
 use super::axis::AxisPicture;
-use super::frames::Frames;
+use super::frames::{Frames, Passage};
 use super::history::{Rate, slot};
 use super::snapshot::{Detail, DigitalSnapshot, EventView, LaneCounts, LineView, SetView, Snapshot};
 use crate::control::Description;
@@ -161,6 +161,18 @@ impl Picture {
                 .cloned()
                 .collect(),
         }
+    }
+
+    /// The frames since a place, for one who wants each of them once; place 0 is before the first one. With `all`, also
+    /// samples and heartbeats, which have places of their own.
+    #[must_use]
+    pub fn frames_from(&self, place: u64, all: bool) -> Passage {
+        self.frames.passage(place, all)
+    }
+
+    /// The events that are kept and came after the one with this number; 0 is before the first one.
+    pub fn events_after(&self, number: u64) -> impl Iterator<Item = &EventView> {
+        self.events.iter().filter(move |event| event.number > number)
     }
 
     fn digital<'a>(&self, card: Address, lines: impl Iterator<Item = (u8, &'a str)>) -> DigitalSnapshot {

@@ -4,7 +4,7 @@
 use serde::Serialize;
 use supersigma_config::AxisConfig;
 use supersigma_protocol::bus::Lane;
-use supersigma_protocol::{Activity, AxisNumber, Deviation, Position, Steps, Tick};
+use supersigma_protocol::{Activity, Address, AxisNumber, Deviation, Position, Steps, Tick};
 
 use super::frames::Filter;
 use crate::control::{Description, ProcessView, RecorderView};
@@ -167,6 +167,8 @@ pub struct FrameLine {
     pub number: u64,
     /// `commands` or `answers`.
     pub lane: LaneName,
+    /// The address of the card that it is for or from, 0 for everyone; null if it cannot be decoded.
+    pub card: Option<Address>,
     /// For people; aligned below [`Snapshot::frames_title`].
     pub text: String,
 }

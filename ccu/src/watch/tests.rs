@@ -221,3 +221,24 @@ fn frames_are_counted_by_direction_and_second() {
     assert_eq!(seen["answers"], json!({ "total": 300, "per_second": 100 }));
     assert_eq!(seen["commands"], json!({ "total": 30, "per_second": 10 }));
 }
+
+#[test]
+fn who_reads_on_gets_each_frame_once_and_is_told_what_is_not_kept() {
+    let mut picture = picture();
+    for sequence in 0..1_100 {
+        picture.take(MS(1), Lane::Commands, &command(sequence, sequence, 3, Operation::Status));
+        picture.take(MS(1), Lane::Answers, &answer(1, sequence, sequence, SAMPLED, standing(None)));
+    }
+    let telling = picture.frames_from(90, false);
+    assert_eq!((telling.missed, telling.lines.len(), telling.next), (10, 1_000, 1_100));
+    assert!(telling.lines[0].text.contains("#100 "), "{}", telling.lines[0].text);
+    assert_eq!(telling.lines[0].card, Some(Address(3)));
+    let all = picture.frames_from(2_199, true);
+    assert_eq!((all.missed, all.lines.len(), all.next, all.lines[0].number), (0, 1, 2_200, 2_200));
+    assert_eq!(all.lines[0].card, Some(Address(1)));
+    assert!(picture.frames_from(2_200, true).lines.is_empty());
+    picture.take(MS(2), Lane::Answers, b"\xff");
+    assert_eq!(picture.frames_from(2_200, true).lines[0].card, None);
+    assert_eq!(picture.events_after(0).map(|event| event.number).collect::<Vec<_>>(), [1]);
+    assert_eq!(picture.events_after(1).count(), 0);
+}
