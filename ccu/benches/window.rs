@@ -25,6 +25,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let path = folder.path().join("long.mcap");
     let names: AxisNames = AxisNumber::all().map(|axis| (axis, format!("axis_{}", axis.get()))).collect();
     let header = LogHeader {
+        version: LogHeader::VERSION.to_owned(),
         set: "bench".to_owned(),
         names,
         timeline: Timeline { epoch: WallTime(1_700_000_000_000_000_000), scale: TimeScale::REAL },

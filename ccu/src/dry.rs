@@ -306,8 +306,8 @@ impl<P: PulseWriter> Link for DrySet<P> {
     }
 
     fn activity(&self, axis: AxisNumber) -> Option<Activity> {
-        let mut axes = self.cards.iter().filter_map(|seat| seat.card.as_axis());
-        axes.find(|one| one.number() == axis).map(axis_worker::Axis::activity)
+        let mut machines = self.cards.iter().filter_map(|seat| seat.card.as_axis());
+        machines.find(|one| one.number() == axis).map(axis_worker::Axis::activity)
     }
 
     /// Nobody else is there.

@@ -18,6 +18,7 @@ use super::exit::Exit;
 use crate::log::{LogError, LogHeader};
 
 #[derive(Args)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a flag of the command line")]
 pub(super) struct ReplayArgs {
     /// The log
     log: PathBuf,

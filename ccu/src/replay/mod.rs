@@ -261,7 +261,7 @@ impl<'a> Verifier<'a> {
                 self.ccu_tick = frame.tick;
                 self.commands.note(frame);
                 // Whoever has answered it already can go on.
-                self.run()
+                Ok(self.run())
             }
             (Sender::Card(card), &Body::Answer(answer)) => {
                 let held =
@@ -330,16 +330,12 @@ impl<'a> Verifier<'a> {
             {
                 return Ok(false);
             }
-            match self.machine(card)? {
-                Some(machine) => {
-                    self.found.lives += 1;
-                    self.cards.entry(card).or_default().life = Some(Life::new(card, machine));
-                }
-                None => {
-                    self.found.unverifiable.push(held.unverifiable(card, Why::NoSuchCard));
-                    return Ok(true);
-                }
-            }
+            let Some(machine) = self.machine(card)? else {
+                self.found.unverifiable.push(held.unverifiable(card, Why::NoSuchCard));
+                return Ok(true);
+            };
+            self.found.lives += 1;
+            self.cards.entry(card).or_default().life = Some(Life::new(card, machine));
         }
         let seat = self.cards.entry(card).or_default();
         let Some(life) = &mut seat.life else {
@@ -361,7 +357,7 @@ impl<'a> Verifier<'a> {
     }
 
     /// Cards that had to wait for a command.
-    fn run(&mut self) -> Result<bool, ReplayError> {
+    fn run(&mut self) -> bool {
         let waiting: Vec<Address> = self
             .cards
             .iter()
@@ -373,10 +369,10 @@ impl<'a> Verifier<'a> {
             if let Err(halt) = life.run(&mut self.commands, &mut self.found, false)
                 && !self.stop(card, halt)
             {
-                return Ok(false);
+                return false;
             }
         }
-        Ok(true)
+        true
     }
 
     fn run_out(&mut self) {

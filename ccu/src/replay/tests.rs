@@ -198,7 +198,7 @@ impl Bench {
 
     fn happen(&mut self, pause: u64, event: &Event) {
         // A bus has time between two frames.
-        self.now = self.now + Ticks(pause + 1_000);
+        self.now += Ticks(pause + 1_000);
         match event {
             Event::Command(command) => self.command(*command, None),
             Event::Raw(bytes) => {
@@ -210,15 +210,15 @@ impl Bench {
                 for (number, (direction, distance)) in (1..).zip(*own) {
                     let lead = Operation::Lead { distance: *lead, limit: None };
                     for operation in [lead, Operation::ArmLine { direction, distance }] {
-                        self.now = self.now + Ticks(1_000);
+                        self.now += Ticks(1_000);
                         self.command(Command::new(Address(number), operation), None);
                     }
                 }
                 let at = self.now + Ticks(*in_ticks);
-                self.now = self.now + Ticks(1_000);
+                self.now += Ticks(1_000);
                 self.command(Command::new(Address::EVERYONE, Operation::Go), Some(at));
                 if let Some(after) = halt_after {
-                    self.now = self.now + Ticks(1_000);
+                    self.now += Ticks(1_000);
                     self.command(Command::new(Address::EVERYONE, Operation::Halt), Some(at + Ticks(*after)));
                 }
             }
@@ -229,7 +229,7 @@ impl Bench {
             Event::Heartbeat => self.each(|card, said| said.push(card.speak(Occasion::Heartbeat))),
             Event::Anew(card) => {
                 // The new process comes after everything that the old one has said.
-                self.now = self.now + Ticks(1_000);
+                self.now += Ticks(1_000);
                 let anew = self.join(*card);
                 let seat = self.seats.iter_mut().find(|(seat, _)| seat.address() == Address(*card));
                 *seat.expect("all cards have a seat") = anew;
@@ -238,7 +238,7 @@ impl Bench {
     }
 
     fn end(mut self, orphaned: bool) -> Vec<Frame> {
-        self.now = self.now + Ticks(1_000);
+        self.now += Ticks(1_000);
         if orphaned {
             self.each(|card, said| {
                 if card.next_event().is_some() {
@@ -246,7 +246,7 @@ impl Bench {
                 }
             });
         }
-        self.now = self.now + Ticks(6_000_000);
+        self.now += Ticks(6_000_000);
         self.each(|card, said| said.push(card.speak(Occasion::Leaving)));
         // As a log has them: by tick, and an answer after its command.
         self.frames.sort_by_key(|frame| frame.tick);

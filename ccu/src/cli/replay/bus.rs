@@ -181,13 +181,13 @@ fn too_fast(scale: f64, record: &Record) -> Exit {
 /// Everything that a card is made of.
 fn same_machines(live: &Config, recorded: &Config) -> Result<(), Exit> {
     let numbers = |config: &Config| config.axes.iter().map(|axis| axis.address).collect::<Vec<_>>();
-    let different = if numbers(live) != numbers(recorded) {
-        Some("it has other axes".to_owned())
-    } else {
+    let different = if numbers(live) == numbers(recorded) {
         let pairs = live.axes.iter().zip(&recorded.axes);
         let mut differing =
             pairs.filter(|(ours, theirs)| ours != theirs || live.ramp_of(ours) != recorded.ramp_of(theirs));
         differing.next().map(|(ours, _)| format!("its axis {} is configured otherwise", ours.address.get()))
+    } else {
+        Some("it has other axes".to_owned())
     };
     let digital = (live.digital != recorded.digital).then(|| "its digital lines are others".to_owned());
     match different.or(digital) {
