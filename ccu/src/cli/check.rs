@@ -40,7 +40,7 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Exit> {
     if let Some(program) = program {
         match program.with(args.parameters.settings()) {
             Ok(program) => {
-                let failed = rehearse(&program, &knowledge, args.originated)?;
+                let failed = rehearse(&program, &knowledge, args.originated)?.failure;
                 // On its way the rehearsal comes to the first of the places that have been found by reading.
                 let line = |problem: &ScriptError| problem.place().line();
                 let known = failed.as_ref().is_some_and(|failed| {

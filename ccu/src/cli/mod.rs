@@ -7,10 +7,12 @@ mod check;
 mod config;
 mod exit;
 mod logs;
+mod monitor;
 mod panel;
 mod paper;
 mod plot;
 mod profile;
+mod progress;
 mod ps;
 mod rehearsal;
 mod repl;
@@ -31,6 +33,7 @@ use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand}
 use miette::IntoDiagnostic;
 
 use self::exit::Exit;
+use crate::daemon::foxglove::{self, ViewAddress, ViewArgs};
 use crate::daemon::recorder::{self, RecorderArgs};
 use crate::home::SetName;
 
@@ -64,6 +67,7 @@ enum Command {
 Examples:
   ccu up                              in the foreground; Ctrl-C takes it down
   ccu up --detach                     in the background; `ccu down` takes it down
+  ccu up --foxglove 8765              with a live view for Foxglove at ws://127.0.0.1:8765
   ccu up --name cell-2 --config cell-2.toml --log cell-2.mcap")]
     Up(set::UpArgs),
     /// Take a set down: axes stand, the log is finished, nothing is left
@@ -75,6 +79,7 @@ Examples:
   ccu run examples/assembly.rhai
   ccu run -e 'origin(\"wrist\"); move_by(\"wrist\", 400)'
   ccu run examples/together.rhai --set rounds=5
+  ccu run --foxglove 8765 examples/assembly.rhai
   ccu run --dry-run --pulses pulses.csv examples/assembly.rhai
   echo 'print(position(1))' | ccu run -")]
     Run(run::RunArgs),
@@ -142,6 +147,13 @@ Examples:
     /// What the axes are doing
     #[command(after_help = "Examples:\n  ccu status\n  ccu status left_x --json\n  ccu status --watch")]
     Status(ask::StatusArgs),
+    /// A dashboard: rails, speeds, lamps, frames and events as they happen, and keys that halt and brake
+    #[command(after_help = "\
+Examples:
+  ccu monitor                         the keys are shown with `?`; `q` quits
+  ccu monitor --name cell-2
+  ccu monitor --once --size 120x40    one picture as text, for a file or a message")]
+    Monitor(monitor::MonitorArgs),
     /// Show the digital inputs, or one of them
     #[command(after_help = "Examples:\n  ccu input\n  ccu input guard_closed\n  ccu input --json")]
     Input(panel::InputArgs),
@@ -257,6 +269,9 @@ Examples:
     /// The recorder's process; the daemon starts it
     #[command(hide = true)]
     Recorder(RecorderArgs),
+    /// The live view's process; the daemon starts it
+    #[command(hide = true)]
+    FoxgloveServer(ViewArgs),
 }
 
 /// Which set.
@@ -282,12 +297,14 @@ struct StartArgs {
     /// How many times faster than real time
     #[arg(long, value_name = "K", default_value_t = TimeScale::REAL)]
     time_scale: TimeScale,
+    /// Serve a live view for Foxglove, on this machine alone unless an address is named
+    #[arg(long, value_name = "[ADDR:]PORT")]
+    foxglove: Option<ViewAddress>,
 }
 
 /// Runs the command that was typed.
 #[must_use]
 pub fn main() -> ExitCode {
-    axis_worker::start_logging();
     let parsed = Cli::command()
         .try_get_matches()
         .and_then(|matches| Ok((asks_for_json(&matches), Cli::from_arg_matches(&matches)?)));
@@ -295,6 +312,12 @@ pub fn main() -> ExitCode {
         Ok(parsed) => parsed,
         Err(error) => return exit::usage(&error),
     };
+    // A daemon's events go to its log too.
+    if matches!(cli.command, Command::Up(_) | Command::Run(_)) {
+        crate::notices::start_logging();
+    } else {
+        axis_worker::start_logging();
+    }
     match cli.command.run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(exit) => exit.report(json),
@@ -327,6 +350,7 @@ impl Command {
             Self::Brake(args) => ask::brake(&args),
             Self::Clear(args) => ask::clear(&args),
             Self::Status(args) => ask::status(&args),
+            Self::Monitor(args) => monitor::monitor(&args),
             Self::Input(args) => panel::input(&args),
             Self::Output(args) => panel::output(&args),
             Self::Send(args) => panel::send(&args),
@@ -349,6 +373,7 @@ impl Command {
                 Ok(false) => Err(Exit::silent(1)),
                 Err(report) => Err(Exit::could_not(report)),
             },
+            Self::FoxgloveServer(args) => foxglove::serve(&args).map_err(Exit::could_not),
         }
     }
 }

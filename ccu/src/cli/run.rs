@@ -17,7 +17,8 @@ use supersigma_protocol::Ticks;
 
 use super::asked::Asked;
 use super::exit::Exit;
-use super::rehearsal::rehearse;
+use super::progress::{Expected, Progress};
+use super::rehearsal::{Rehearsal, rehearse};
 use super::{SetArgs, StartArgs, set, show, timing};
 use crate::control::{Client, DownReport};
 use crate::daemon::{Daemon, Options};
@@ -180,12 +181,14 @@ fn on_a_set_that_is_up(args: &RunArgs, program: &Program) -> Result<(), Exit> {
     if start.config.is_some()
         || start.log.is_some()
         || start.log_rotate.is_some()
+        || start.foxglove.is_some()
         || start.time_scale != axis_worker::clock::TimeScale::REAL
     {
         let name = &args.set.name;
         return Err(Exit::wrong(miette!(
             help = format!("leave these options out, or take the set down first: `ccu down --name {name}`"),
-            "set {name} is up already; --config, --log, --log-rotate and --time-scale are for a set that is started"
+            "set {name} is up already; --config, --log, --log-rotate, --foxglove and --time-scale are for a set that is \
+             started"
         )));
     }
     let asked = Asked::connect(&args.set)?;
@@ -193,10 +196,8 @@ fn on_a_set_that_is_up(args: &RunArgs, program: &Program) -> Result<(), Exit> {
     let knowledge = Arc::clone(&asked.knowledge);
     let failed = |error| Exit::of_program(error, &knowledge);
     // The state of the set is not known here, so only what is wrong with the program itself counts.
-    rehearse(program, &knowledge, false)?
-        .filter(|error| !error.is_robots_fault())
-        .map_or(Ok(()), Err)
-        .map_err(failed)?;
+    let Rehearsal { failure, expected } = rehearse(program, &knowledge, false)?;
+    failure.filter(|error| !error.is_robots_fault()).map_or(Ok(()), Err).map_err(failed)?;
     let stop = Arc::new(AtomicBool::new(false));
     let hang_up = asked.client.hang_up()?;
     let runtime = set::runtime()?;
@@ -208,11 +209,13 @@ fn on_a_set_that_is_up(args: &RunArgs, program: &Program) -> Result<(), Exit> {
         flag.store(true, Ordering::Release);
         hang_up();
     });
-    let teller = Teller::new(args.json, &knowledge);
-    let (totals, began) = (teller.totals(), Instant::now());
+    let teller = Teller::new(args.json, &knowledge).with_progress(expected, scale);
+    let (totals, progress, began) = (teller.totals(), teller.progress(), Instant::now());
     let client = Arc::new(Mutex::new(asked.client.of_a_program()));
     let limits = Limits { operations: None, stop };
-    program.run(client, Arc::clone(&knowledge), teller, &limits).map_err(failed)?;
+    let result = program.run(client, Arc::clone(&knowledge), teller, &limits);
+    progress.end();
+    result.map_err(failed)?;
     tell_summary(args.json, &totals, machine_time(began, scale), None)
 }
 
@@ -222,12 +225,12 @@ fn on_a_set_of_its_own(args: &RunArgs, home: &Home, program: &Program, source: S
     // The set will be just switched on, as the rehearsed one: what the robot refuses there, it will refuse here.
     let known = Arc::clone(&knowledge);
     let failed = |error| Exit::of_program(error, &known);
-    rehearse(program, &knowledge, false)?.map_or(Ok(()), Err).map_err(failed)?;
+    let Rehearsal { failure, expected } = rehearse(program, &knowledge, false)?;
+    failure.map_or(Ok(()), Err).map_err(failed)?;
     let log = set::log_path(args.start.log.as_ref(), &args.set.name)?;
     let scale = args.start.time_scale;
-    let options = Options { home: home.clone(), config, scale, log, script: Some(source) };
-    let teller = Teller::new(args.json, &knowledge);
-    let totals = teller.totals();
+    let foxglove = args.start.foxglove;
+    let options = Options { home: home.clone(), config, scale, log, script: Some(source), foxglove };
     let stop = Arc::new(AtomicBool::new(false));
     set::runtime()?.block_on(async {
         let asked_to_end = set::asked_to_end()?;
@@ -237,8 +240,11 @@ fn on_a_set_of_its_own(args: &RunArgs, home: &Home, program: &Program, source: S
             let took = began_to_start.elapsed().as_secs_f64();
             let (name, workers) = (home.name(), daemon.workers());
             let _ = writeln!(io::stderr(), "set {name} is up in {took:.2} s: {workers} cards");
+            let _ = set::say_view(daemon.foxglove(), &mut io::stderr());
         }
         let began = Instant::now();
+        let teller = Teller::new(args.json, &knowledge).with_progress(expected, scale.get());
+        let (totals, progress) = (teller.totals(), teller.progress());
         let client = Client::connect(home)?.of_a_program();
         let hang_up = client.hang_up()?;
         let (wanted_down, closer, flag) = (daemon.wanted_down(), daemon.closer(), Arc::clone(&stop));
@@ -253,7 +259,9 @@ fn on_a_set_of_its_own(args: &RunArgs, home: &Home, program: &Program, source: S
         let running = tokio::task::spawn_blocking(move || {
             program.run(Arc::new(Mutex::new(client)), knowledge, teller, &limits)
         });
-        let result = running.await.into_diagnostic().map_err(Exit::could_not)?;
+        let result = running.await;
+        progress.end();
+        let result = result.into_diagnostic().map_err(Exit::could_not)?;
         let elapsed = machine_time(began, scale.get());
         let report = daemon.stop().await;
         match result {
@@ -280,20 +288,26 @@ pub(super) struct Teller {
     json: bool,
     knowledge: Arc<Knowledge>,
     totals: Arc<Mutex<Totals>>,
+    progress: Arc<Progress>,
 }
 
 impl Teller {
     pub(super) fn new(json: bool, knowledge: &Arc<Knowledge>) -> Self {
-        Self { json, knowledge: Arc::clone(knowledge), totals: Arc::default() }
+        let progress = Arc::new(Progress::none());
+        Self { json, knowledge: Arc::clone(knowledge), totals: Arc::default(), progress }
+    }
+
+    /// Shows people how far the program is, from now on.
+    fn with_progress(self, expected: Option<Expected>, scale: f64) -> Self {
+        if self.json { self } else { Self { progress: Arc::new(Progress::start(expected, scale)), ..self } }
+    }
+
+    fn progress(&self) -> Arc<Progress> {
+        Arc::clone(&self.progress)
     }
 
     pub(super) fn totals(&self) -> Arc<Mutex<Totals>> {
         Arc::clone(&self.totals)
-    }
-
-    /// A program goes on when nobody reads what it prints: a robot does not stop in the middle for that.
-    fn say(line: &str) {
-        let _ = writeln!(io::stdout(), "{line}");
     }
 }
 
@@ -305,22 +319,23 @@ impl Watcher for Teller {
             totals.steps += u64::from(movement.done.0);
             totals.movements == 1
         };
+        self.progress.moved();
         if self.json {
             let view = show::MovementView::new(movement, &self.knowledge);
-            Self::say(&serde_json::json!({ "movement": view }).to_string());
+            self.progress.say(&serde_json::json!({ "movement": view }).to_string());
         } else {
             if first {
-                Self::say(&show::movement_title());
+                self.progress.say(&show::movement_title());
             }
-            Self::say(&show::movement_line(movement, &self.knowledge));
+            self.progress.say(&show::movement_line(movement, &self.knowledge));
         }
     }
 
     fn print(&mut self, text: &str) {
         if self.json {
-            Self::say(&serde_json::json!({ "print": text }).to_string());
+            self.progress.say(&serde_json::json!({ "print": text }).to_string());
         } else {
-            Self::say(text);
+            self.progress.say(text);
         }
     }
 }

@@ -148,7 +148,14 @@ fn on_a_set_of_its_own(args: &ReplayArgs, home: &Home, record: &Record) -> Resul
         }
     };
     let log = set::log_path(args.new_log.as_ref(), &args.set.name)?;
-    let options = Options { home: home.clone(), config: record.config.clone(), scale, log, script: None };
+    let options = Options {
+        home: home.clone(),
+        config: record.config.clone(),
+        scale,
+        log,
+        script: None,
+        foxglove: None,
+    };
     set::runtime()?.block_on(async {
         let asked_to_end = set::asked_to_end()?;
         let daemon = Daemon::start(options)?;

@@ -2,7 +2,7 @@
 //! table of the axes.
 
 use std::collections::BTreeMap;
-use std::io::{self, BufWriter, IsTerminal, Write};
+use std::io::{self, IsTerminal, Write};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
@@ -14,6 +14,7 @@ use supersigma_protocol::{Activity, AxisNumber, AxisReport, Body, Report, Tick};
 use super::{Nothing, ReplayArgs, Speed, config_of, log_error};
 use crate::cli::asked::unknown;
 use crate::cli::exit::Exit;
+use crate::cli::show::Pictures;
 use crate::cli::{set, show};
 use crate::executive::AxisState;
 use crate::log::{AxisNames, Filter, FrameView, Judge, Lines, LogReader, LoggedFrame};
@@ -49,6 +50,7 @@ pub(super) fn show(args: &ReplayArgs) -> Result<(), Exit> {
             now: Tick(0),
             drawn: None,
             stale: true,
+            pictures: Pictures::new(true),
         })
     } else {
         Box::new(Rows { json: args.json, lines: Lines::new(&names), names: &names, judges })
@@ -169,6 +171,7 @@ struct Table<'a> {
     now: Tick,
     drawn: Option<Instant>,
     stale: bool,
+    pictures: Pictures,
 }
 
 impl Table<'_> {
@@ -177,12 +180,11 @@ impl Table<'_> {
         let axes = self.config.axes.iter().map(|axis| axis.address).filter(wanted);
         let states: Vec<_> =
             axes.map(|axis| AxisState { axis, report: self.states.get(&axis).copied() }).collect();
-        let mut out = BufWriter::new(io::stdout().lock());
-        show::redraw(&mut out)?;
+        let mut out = Vec::new();
         show::axes(&states, self.config, &mut out)?;
         let moving = self.states.values().filter(|state| state.activity != Activity::Standing).count();
         writeln!(out, "\n{:.3} s of machine time, {moving} axes on their way", seconds(self.now))?;
-        out.flush()?;
+        self.pictures.show(&out)?;
         (self.drawn, self.stale) = (Some(Instant::now()), false);
         Ok(())
     }
@@ -219,6 +221,11 @@ impl View for Table<'_> {
     }
 
     fn end(&mut self) -> io::Result<()> {
+        if self.pictures.are_on_a_terminal() {
+            // What was shown last stays when the screen of its own is gone.
+            self.pictures = Pictures::new(false);
+            self.stale = true;
+        }
         if self.stale { self.draw() } else { Ok(()) }
     }
 }

@@ -5,6 +5,7 @@ mod events;
 mod file;
 mod filter;
 mod info;
+mod joints;
 mod order;
 mod recorder;
 mod recover;
