@@ -151,6 +151,12 @@ impl Axis {
         self.firmware.report(&mut self.board)
     }
 
+    /// What it is doing.
+    #[must_use]
+    pub fn activity(&self) -> Activity {
+        self.firmware.activity()
+    }
+
     /// Whether it is on its way: not standing, not waiting for a start.
     #[must_use]
     pub fn is_under_way(&self) -> bool {

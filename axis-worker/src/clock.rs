@@ -121,7 +121,13 @@ impl Clock {
     /// The tick now.
     #[must_use]
     pub fn now(&self) -> Tick {
-        Tick(0) + self.scale.ticks(Monotonic::now().0.saturating_sub(self.epoch.0))
+        self.tick(Monotonic::now())
+    }
+
+    /// The tick at a point in time; 0 before the epoch.
+    #[must_use]
+    pub fn tick(&self, at: Monotonic) -> Tick {
+        Tick(0) + self.scale.ticks(at.0.saturating_sub(self.epoch.0))
     }
 
     /// The real time from now to `tick`; zero if it has passed.

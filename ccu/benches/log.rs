@@ -146,6 +146,7 @@ fn write_ours(path: &Path, frames: &[(Lane, Tick, Vec<u8>)]) -> Result<u64, Box<
     let _ = fs::remove_file(path);
     let config = Config::default_set();
     let header = LogHeader {
+        version: LogHeader::VERSION.to_owned(),
         set: "bench".into(),
         names: AxisNames::from(&config),
         timeline: Timeline { epoch: WallTime::now(), scale: TimeScale::REAL },

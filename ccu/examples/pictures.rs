@@ -84,6 +84,7 @@ impl<'a> Run<'a> {
         let folder = tempfile::tempdir().into_diagnostic()?;
         let path = folder.path().join("run.mcap");
         let header = LogHeader {
+            version: LogHeader::VERSION.to_owned(),
             set: "supersigma".into(),
             names: AxisNames::from(config),
             timeline: Timeline { epoch: WallTime(0), scale: TimeScale::REAL },

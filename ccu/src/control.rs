@@ -127,6 +127,9 @@ pub struct Description {
     pub time_scale: f64,
     /// The log.
     pub log: PathBuf,
+    /// Where a live view of it is served, if one is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub foxglove: Option<String>,
     /// Seconds of real time since it is up.
     pub up_s: f64,
     /// What each axis' card said last.

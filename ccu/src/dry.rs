@@ -13,8 +13,8 @@ use axis_worker::{AxisError, Card, Sink};
 use supersigma_protocol::bus::in_process::{InProcessBus, InProcessReceive, InProcessTap, InProcessTransmit};
 use supersigma_protocol::bus::{Bus, BusError, Receive, Tap, Transmit, Wake};
 use supersigma_protocol::{
-    About, Answer, AxisNumber, Body, Broadcast, Fault, Frame, Occasion, Position, Sender, Sequence, Tick,
-    Ticks,
+    About, Activity, Answer, AxisNumber, Body, Broadcast, Fault, Frame, Occasion, Position, Sender, Sequence,
+    Tick, Ticks,
 };
 
 use crate::executive::{Common, Failure, Heard, Knowledge, Link};
@@ -303,6 +303,11 @@ impl<P: PulseWriter> Link for DrySet<P> {
 
     fn common(&self) -> Arc<Common> {
         Arc::clone(&self.common)
+    }
+
+    fn activity(&self, axis: AxisNumber) -> Option<Activity> {
+        let mut machines = self.cards.iter().filter_map(|seat| seat.card.as_axis());
+        machines.find(|one| one.number() == axis).map(axis_worker::Axis::activity)
     }
 
     /// Nobody else is there.

@@ -1,9 +1,8 @@
-//! Sets on a machine: several side by side, what they leave in the file system, and what their logs are worth to others.
+//! Sets on a machine: several side by side, and what they leave in the file system.
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
-use std::process::Command;
 
 use serde_json::{Value, json};
 use supersigma_tests::{Cell, Signal};
@@ -100,47 +99,4 @@ fn a_client_is_no_part_of_the_set() {
     waiting.signal(Signal::CONT);
     waiting.end().done();
     assert_eq!(cell.down(), None);
-}
-
-/// The log in the hands of the format's own Python package, of which nothing is ours.
-#[test]
-fn the_public_mcap_package_reads_the_log() {
-    const READ: &str = r#"
-import json, sys
-from mcap.reader import make_reader
-topics, twins, before = {}, 0, 0
-with open(sys.argv[1], "rb") as file:
-    for schema, channel, message in make_reader(file, validate_crcs=True).iter_messages(log_time_order=False):
-        assert message.log_time >= before, "log times fall"
-        before = message.log_time
-        topics[channel.topic] = topics.get(channel.topic, 0) + 1
-        if channel.message_encoding == "json":
-            twins += isinstance(json.loads(message.data), dict)
-print(json.dumps({"topics": topics, "twins": twins}))
-"#;
-    let python = |arguments: &[&str]| Command::new("python3").args(arguments).output();
-    if !python(&["-c", "import mcap"]).is_ok_and(|output| output.status.success()) {
-        println!("skipped: python3 with the package `mcap` (pip install mcap) is not here");
-        return;
-    }
-    let cell = Cell::new(EXE);
-    let up = cell.up("20");
-    cell.ccu("origin").done();
-    cell.ccu("line left_x=4000 left_y=77").done();
-    cell.ccu("output lamp on").done();
-    cell.ccu("send 01 7F").fails(1, &["unknown"]);
-    assert_eq!(cell.down(), None);
-    let frames = cell.frames(&up.log);
-    let output = python(&["-c", READ, up.log.to_str().expect("UTF-8")]).expect("it ran before");
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let read: Value = serde_json::from_slice(&output.stdout).expect("JSON");
-    let count =
-        |topic: &str| read["topics"][topic].as_u64().unwrap_or_else(|| panic!("no {topic} in {read}"));
-    let of = |what: &dyn Fn(&Value) -> bool| frames.iter().filter(|frame| what(frame)).count() as u64;
-    // Every frame once as it travelled, and once for viewers.
-    assert_eq!(count("/microbus"), frames.len() as u64);
-    assert_eq!(count("/command"), of(&|frame| frame["kind"] == "command"));
-    assert_eq!(count("/axis/left_x/status"), of(&|frame| frame["kind"] == "answer" && frame["axis"] == 1));
-    let twins: u64 = read["topics"].as_object().expect("topics").values().filter_map(Value::as_u64).sum();
-    assert_eq!(read["twins"], twins - count("/microbus"));
 }

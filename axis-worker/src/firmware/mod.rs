@@ -167,8 +167,9 @@ impl Firmware {
             State::Moving(movement) | State::Searching(_, movement) => Some(movement.wake_at()),
             State::Settling(settling) | State::Zeroing(_, settling) => Some(settling.look_at()),
         };
-        let moving = matches!(self.state, State::Moving(_));
-        let follow = self.servo.as_ref().filter(|_| moving).map(Servo::look_at);
+        // Where a search was stopped, nothing is known that the shaft could be compared with.
+        let followed = matches!(self.state, State::Moving(_)) && self.base.is_some();
+        let follow = self.servo.as_ref().filter(|_| followed).map(Servo::look_at);
         [own, follow, self.halt_at, self.brake_at].into_iter().flatten().min()
     }
 

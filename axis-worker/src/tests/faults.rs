@@ -278,3 +278,23 @@ proptest! {
         prop_assert_eq!(run(&portions), run(&[]));
     }
 }
+
+#[test]
+fn a_first_search_in_closed_loop_can_be_stopped_at_any_moment() {
+    // Nothing is known yet that the shaft could be compared with.
+    for stop in [Operation::Halt, Operation::Brake] {
+        for ticks in [0, 1, 3_075, 3_076, 500_000] {
+            let mut rig = rig(closed(200));
+            rig.command(Operation::Originate).expect("nothing forbids it");
+            rig.wait(ticks);
+            rig.command(stop).expect("always");
+            rig.settle();
+            let report = rig.report();
+            assert_eq!(
+                (report.activity, report.position),
+                (Activity::Standing, None),
+                "{stop:?} after {ticks}"
+            );
+        }
+    }
+}

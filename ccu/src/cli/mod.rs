@@ -3,6 +3,7 @@
 
 mod ask;
 mod asked;
+mod check;
 mod config;
 mod exit;
 mod logs;
@@ -13,6 +14,9 @@ mod plot;
 mod profile;
 mod progress;
 mod ps;
+mod rehearsal;
+mod repl;
+mod replay;
 mod run;
 mod serve;
 mod service;
@@ -30,6 +34,7 @@ use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand}
 use miette::IntoDiagnostic;
 
 use self::exit::Exit;
+use crate::daemon::foxglove::{self, ViewAddress, ViewArgs};
 use crate::daemon::recorder::{self, RecorderArgs};
 use crate::home::SetName;
 
@@ -63,6 +68,7 @@ enum Command {
 Examples:
   ccu up                              in the foreground; Ctrl-C takes it down
   ccu up --detach                     in the background; `ccu down` takes it down
+  ccu up --foxglove 8765              with a live view for Foxglove at ws://127.0.0.1:8765
   ccu up --name cell-2 --config cell-2.toml --log cell-2.mcap")]
     Up(set::UpArgs),
     /// Take a set down: axes stand, the log is finished, nothing is left
@@ -73,9 +79,33 @@ Examples:
 Examples:
   ccu run examples/assembly.rhai
   ccu run -e 'origin(\"wrist\"); move_by(\"wrist\", 400)'
+  ccu run examples/together.rhai --set rounds=5
+  ccu run --foxglove 8765 examples/assembly.rhai
   ccu run --dry-run --pulses pulses.csv examples/assembly.rhai
   echo 'print(position(1))' | ccu run -")]
     Run(run::RunArgs),
+    /// Look for everything that is wrong with a program; nothing moves, and no set is needed
+    #[command(after_help = "\
+Every call in the text is looked at, then the program is rehearsed on a dry set just switched on.
+
+Examples:
+  ccu check examples/assembly.rhai
+  ccu check weld.rhai --config cell-2.toml --set laps=5
+  ccu check weld.rhai --originated    for a set whose axes have been originated
+  ccu check weld.rhai --json
+
+Exit codes: 0 nothing is wrong, 2 something is.")]
+    Check(check::CheckArgs),
+    /// Talk to a set in the language of robot programs, a line at a time
+    #[command(after_help = "\
+Tab completes functions, variables, and the names of axes, inputs and outputs. A text with open brackets
+goes on in the next line. Ctrl-C halts what moves, Ctrl-D leaves.
+
+Examples:
+  ccu repl                            on the set that is up
+  ccu repl --dry-run                  on a dry set, in virtual time
+  echo 'origin(); position(1)' | ccu repl --dry-run")]
+    Repl(repl::ReplArgs),
     /// Move one axis by so many steps
     #[command(
         allow_negative_numbers = true,
@@ -171,6 +201,17 @@ Examples:
   ccu inject left_x lost-steps=40          the next 40 pulses do not reach the motor
   ccu inject left_x switch=open            the limit switch never closes (closed, free)")]
     Inject(panel::InjectArgs),
+    /// Show a log as it happened, verify it on fresh machines, or put its commands on a live bus again
+    #[command(after_help = "\
+Examples:
+  ccu replay run.mcap --verify                     every answer again, byte for byte
+  ccu replay run.mcap                              the frames at the machine's pace
+  ccu replay run.mcap --watch --speed 5 --from 60  the axes' table, five times as fast, from second 60 on
+  ccu replay run.mcap --bus                        the same movements again, on a set started for it
+  ccu replay run.mcap --bus --name cell-2          the same on a set that is up
+
+Exit codes of --verify: 0 identical, 1 a difference, or something that cannot be verified, 2 no such log.")]
+    Replay(replay::ReplayArgs),
     /// The processes of the sets that are up
     #[command(after_help = "Examples:\n  ccu ps\n  ccu ps --name cell-2 --json")]
     Ps(ps::PsArgs),
@@ -240,6 +281,9 @@ Examples:
     /// The recorder's process; the daemon starts it
     #[command(hide = true)]
     Recorder(RecorderArgs),
+    /// The live view's process; the daemon starts it
+    #[command(hide = true)]
+    FoxgloveServer(ViewArgs),
 }
 
 /// Which set.
@@ -265,12 +309,14 @@ struct StartArgs {
     /// How many times faster than real time
     #[arg(long, value_name = "K", default_value_t = TimeScale::REAL)]
     time_scale: TimeScale,
+    /// Serve a live view for Foxglove, on this machine alone unless an address is named
+    #[arg(long, value_name = "[ADDR:]PORT")]
+    foxglove: Option<ViewAddress>,
 }
 
 /// Runs the command that was typed.
 #[must_use]
 pub fn main() -> ExitCode {
-    axis_worker::start_logging();
     let parsed = Cli::command()
         .try_get_matches()
         .and_then(|matches| Ok((asks_for_json(&matches), Cli::from_arg_matches(&matches)?)));
@@ -278,6 +324,12 @@ pub fn main() -> ExitCode {
         Ok(parsed) => parsed,
         Err(error) => return exit::usage(&error),
     };
+    // A daemon's events go to its log too.
+    if matches!(cli.command, Command::Up(_) | Command::Run(_)) {
+        crate::notices::start_logging();
+    } else {
+        axis_worker::start_logging();
+    }
     match cli.command.run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(exit) => exit.report(json),
@@ -298,6 +350,8 @@ impl Command {
             Self::Up(args) => set::up(&args),
             Self::Down(args) => set::down(&args),
             Self::Run(args) => run::run(&args),
+            Self::Check(args) => check::check(&args),
+            Self::Repl(args) => repl::repl(&args),
             Self::Move(args) => ask::movement(&args),
             Self::Line(args) => ask::line(&args),
             Self::Jog(args) => ask::jog(&args),
@@ -315,6 +369,7 @@ impl Command {
             Self::Send(args) => panel::send(&args),
             Self::Word(args) => word::word(&args),
             Self::Inject(args) => panel::inject(&args),
+            Self::Replay(args) => replay::replay(&args),
             Self::Ps(args) => ps::ps(&args),
             Self::KillWorker(args) => ps::kill_worker(&args),
             Self::Frames(args) => logs::frames(&args),
@@ -331,6 +386,7 @@ impl Command {
                 Ok(false) => Err(Exit::silent(1)),
                 Err(report) => Err(Exit::could_not(report)),
             },
+            Self::FoxgloveServer(args) => foxglove::serve(&args).map_err(Exit::could_not),
         }
     }
 }

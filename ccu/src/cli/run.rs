@@ -6,11 +6,10 @@
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, IsTerminal, Read, Write};
-use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, PoisonError, mpsc};
-use std::thread;
-use std::time::{Duration, Instant};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
 
 use clap::Args;
 use miette::{IntoDiagnostic, WrapErr, miette};
@@ -19,6 +18,7 @@ use supersigma_protocol::Ticks;
 use super::asked::Asked;
 use super::exit::Exit;
 use super::progress::{Expected, Progress};
+use super::rehearsal::{Rehearsal, rehearse};
 use super::{SetArgs, StartArgs, set, show, timing};
 use crate::control::{Client, DownReport};
 use crate::daemon::{Daemon, Options};
@@ -26,11 +26,7 @@ use crate::dry::{DryError, DrySet, NoPulses, PulseCsv, PulseWriter};
 use crate::executive::{Executive, Failure, Knowledge, Movement};
 use crate::home::Home;
 use crate::log::{AxisNames, LogError, LogHeader, Timeline, WallTime};
-use crate::script::{Limits, Program, ScriptError, Watcher};
-
-/// How long a rehearsal may take, in real time, and how many operations of the language.
-const REHEARSAL: Duration = Duration::from_secs(2);
-const REHEARSED_OPERATIONS: u64 = 5_000_000;
+use crate::script::{Limits, Program, Settings, Watcher};
 
 #[derive(Args)]
 pub(super) struct RunArgs {
@@ -50,6 +46,8 @@ pub(super) struct RunArgs {
     /// Write every pulse of a dry run: tick,axis,position
     #[arg(long, value_name = "FILE", requires = "dry_run")]
     pulses: Option<PathBuf>,
+    #[command(flatten)]
+    parameters: ParameterArgs,
     /// Draw a dry run, movements and digital lines as bars: .svg or .png
     #[arg(long, value_name = "FILE", requires = "dry_run")]
     plot: Option<PathBuf>,
@@ -58,10 +56,33 @@ pub(super) struct RunArgs {
     json: bool,
 }
 
+/// What the parameters of a program are set to.
+#[derive(Args)]
+pub(super) struct ParameterArgs {
+    /// Set a parameter of the program, which it has with `param("NAME", DEFAULT)`
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = setting)]
+    settings: Vec<(String, String)>,
+}
+
+impl ParameterArgs {
+    /// All of them; of two values for one name the last counts.
+    pub(super) fn settings(&self) -> Settings {
+        self.settings.iter().cloned().collect()
+    }
+}
+
+fn setting(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((name, value)) if !name.is_empty() => Ok((name.to_owned(), value.to_owned())),
+        _ => Err("it is a name and a value, as in laps=3".into()),
+    }
+}
+
 pub(super) fn run(args: &RunArgs) -> Result<(), Exit> {
-    let (name, source) = source(args)?;
-    let program =
-        Program::compile(&name, &source).map_err(|error| Exit::with_code(error.exit_code(), error))?;
+    let (name, source) = source(args.text.as_deref(), args.script.as_deref())?;
+    let program = Program::compile(&name, &source)
+        .and_then(|program| program.with(args.parameters.settings()))
+        .map_err(|error| Exit::with_code(error.exit_code(), error))?;
     if args.dry_run {
         return dry_run(args, &program, source);
     }
@@ -73,13 +94,14 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Exit> {
     }
 }
 
-fn source(args: &RunArgs) -> Result<(String, String), Exit> {
+/// What a program is called, and its text.
+pub(super) fn source(text: Option<&str>, script: Option<&Path>) -> Result<(String, String), Exit> {
     let read = |text: io::Result<String>, name: String| {
         let text = text.into_diagnostic().wrap_err_with(|| format!("cannot read the program {name}"));
         text.map(|text| (name, text)).map_err(Exit::wrong)
     };
-    match (&args.text, &args.script) {
-        (Some(text), _) => Ok(("-e".into(), text.clone())),
+    match (text, script) {
+        (Some(text), _) => Ok(("-e".into(), text.to_owned())),
         (None, Some(path)) if path.as_os_str() == "-" => {
             let mut text = String::new();
             read(io::stdin().read_to_string(&mut text).map(|_| text), "standard input".into())
@@ -93,6 +115,7 @@ fn dry_run(args: &RunArgs, program: &Program, source: String) -> Result<(), Exit
     args.plot.as_deref().map_or(Ok(()), timing::check_name)?;
     let config = set::start_config(&args.start)?;
     let header = LogHeader {
+        version: LogHeader::VERSION.to_owned(),
         set: args.set.name.to_string(),
         names: AxisNames::from(&config),
         timeline: Timeline { epoch: WallTime::now(), scale: args.start.time_scale },
@@ -158,12 +181,14 @@ fn on_a_set_that_is_up(args: &RunArgs, program: &Program) -> Result<(), Exit> {
     if start.config.is_some()
         || start.log.is_some()
         || start.log_rotate.is_some()
+        || start.foxglove.is_some()
         || start.time_scale != axis_worker::clock::TimeScale::REAL
     {
         let name = &args.set.name;
         return Err(Exit::wrong(miette!(
             help = format!("leave these options out, or take the set down first: `ccu down --name {name}`"),
-            "set {name} is up already; --config, --log, --log-rotate and --time-scale are for a set that is started"
+            "set {name} is up already; --config, --log, --log-rotate, --foxglove and --time-scale are for a set that is \
+             started"
         )));
     }
     let asked = Asked::connect(&args.set)?;
@@ -171,7 +196,7 @@ fn on_a_set_that_is_up(args: &RunArgs, program: &Program) -> Result<(), Exit> {
     let knowledge = Arc::clone(&asked.knowledge);
     let failed = |error| Exit::of_program(error, &knowledge);
     // The state of the set is not known here, so only what is wrong with the program itself counts.
-    let Rehearsal { failure, expected } = rehearse(program, &knowledge)?;
+    let Rehearsal { failure, expected } = rehearse(program, &knowledge, false)?;
     failure.filter(|error| !error.is_robots_fault()).map_or(Ok(()), Err).map_err(failed)?;
     let stop = Arc::new(AtomicBool::new(false));
     let hang_up = asked.client.hang_up()?;
@@ -200,11 +225,12 @@ fn on_a_set_of_its_own(args: &RunArgs, home: &Home, program: &Program, source: S
     // The set will be just switched on, as the rehearsed one: what the robot refuses there, it will refuse here.
     let known = Arc::clone(&knowledge);
     let failed = |error| Exit::of_program(error, &known);
-    let Rehearsal { failure, expected } = rehearse(program, &knowledge)?;
+    let Rehearsal { failure, expected } = rehearse(program, &knowledge, false)?;
     failure.map_or(Ok(()), Err).map_err(failed)?;
     let log = set::log_path(args.start.log.as_ref(), &args.set.name)?;
     let scale = args.start.time_scale;
-    let options = Options { home: home.clone(), config, scale, log, script: Some(source) };
+    let foxglove = args.start.foxglove;
+    let options = Options { home: home.clone(), config, scale, log, script: Some(source), foxglove };
     let stop = Arc::new(AtomicBool::new(false));
     set::runtime()?.block_on(async {
         let asked_to_end = set::asked_to_end()?;
@@ -214,6 +240,7 @@ fn on_a_set_of_its_own(args: &RunArgs, home: &Home, program: &Program, source: S
             let took = began_to_start.elapsed().as_secs_f64();
             let (name, workers) = (home.name(), daemon.workers());
             let _ = writeln!(io::stderr(), "set {name} is up in {took:.2} s: {workers} cards");
+            let _ = set::say_view(daemon.foxglove(), &mut io::stderr());
         }
         let began = Instant::now();
         let teller = Teller::new(args.json, &knowledge).with_progress(expected, scale.get());
@@ -249,64 +276,15 @@ fn on_a_set_of_its_own(args: &RunArgs, home: &Home, program: &Program, source: S
     })
 }
 
-/// What a rehearsal has shown.
-struct Rehearsal {
-    /// What the program fails with, if it does so within the bounds.
-    failure: Option<ScriptError>,
-    /// What it does, if it ends within them.
-    expected: Option<Expected>,
-}
-
-/// Runs the program on a dry set just switched on.
-fn rehearse(program: &Program, knowledge: &Arc<Knowledge>) -> Result<Rehearsal, Exit> {
-    let set = DrySet::new(Arc::clone(knowledge), NoPulses, None).map_err(|error| dry_error(&error))?;
-    let limits = Limits { operations: Some(REHEARSED_OPERATIONS), stop: Arc::new(AtomicBool::new(false)) };
-    let (over, wait) = mpsc::channel::<()>();
-    let stop = Arc::clone(&limits.stop);
-    let timer = thread::spawn(move || {
-        if wait.recv_timeout(REHEARSAL).is_err() {
-            stop.store(true, Ordering::Release);
-        }
-    });
-    let operator = Arc::new(Mutex::new(Executive::new(set)));
-    let count = Count::default();
-    let movements = Arc::clone(&count.0);
-    let result = program.run(Arc::clone(&operator), Arc::clone(knowledge), count, &limits);
-    let _ = over.send(());
-    let _ = timer.join();
-    let set = Arc::into_inner(operator)
-        .map(|executive| executive.into_inner().unwrap_or_else(PoisonError::into_inner));
-    let expected = set.filter(|_| result.is_ok()).map(|executive| Expected {
-        movements: movements.load(Ordering::Relaxed),
-        time: executive.into_link().elapsed(),
-    });
-    // Inputs may come in the real run, a throw may depend on them, and the bounds are the rehearsal's own.
-    let failure = result.err().filter(|error| {
-        matches!(error, ScriptError::Syntax { .. } | ScriptError::Script { .. } | ScriptError::Robot { .. })
-    });
-    Ok(Rehearsal { failure, expected })
-}
-
-/// Of a rehearsal only the number of movements is told.
-#[derive(Default)]
-struct Count(Arc<AtomicU64>);
-
-impl Watcher for Count {
-    fn movement(&mut self, _: &Movement) {
-        self.0.fetch_add(1, Ordering::Relaxed);
-    }
-    fn print(&mut self, _: &str) {}
-}
-
 /// Movements and steps so far.
 #[derive(Debug, Clone, Copy, Default)]
-struct Totals {
-    movements: u64,
+pub(super) struct Totals {
+    pub(super) movements: u64,
     steps: u64,
 }
 
 /// Prints what a program does, a line each.
-struct Teller {
+pub(super) struct Teller {
     json: bool,
     knowledge: Arc<Knowledge>,
     totals: Arc<Mutex<Totals>>,
@@ -314,7 +292,7 @@ struct Teller {
 }
 
 impl Teller {
-    fn new(json: bool, knowledge: &Arc<Knowledge>) -> Self {
+    pub(super) fn new(json: bool, knowledge: &Arc<Knowledge>) -> Self {
         let progress = Arc::new(Progress::none());
         Self { json, knowledge: Arc::clone(knowledge), totals: Arc::default(), progress }
     }
@@ -328,7 +306,7 @@ impl Teller {
         Arc::clone(&self.progress)
     }
 
-    fn totals(&self) -> Arc<Mutex<Totals>> {
+    pub(super) fn totals(&self) -> Arc<Mutex<Totals>> {
         Arc::clone(&self.totals)
     }
 }
@@ -394,7 +372,7 @@ fn tell_summary(
     Ok(())
 }
 
-fn knowledge(config: supersigma_config::Config) -> Result<Arc<Knowledge>, Exit> {
+pub(super) fn knowledge(config: supersigma_config::Config) -> Result<Arc<Knowledge>, Exit> {
     Knowledge::new(config).into_diagnostic().map_err(Exit::wrong)
 }
 
@@ -403,7 +381,7 @@ fn machine_time(began: Instant, scale: f64) -> Ticks {
     Ticks((began.elapsed().as_secs_f64() * scale * 2e6) as u64)
 }
 
-fn dry_error(error: &DryError) -> Exit {
+pub(super) fn dry_error(error: &DryError) -> Exit {
     match error {
         // As `ccu up` and a run on a set have it.
         DryError::Log(LogError::Exists { .. }) => Exit::wrong(miette!("{error}")),

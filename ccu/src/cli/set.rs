@@ -83,7 +83,7 @@ pub(super) fn start_config(start: &StartArgs) -> Result<Config, Exit> {
 impl From<StartError> for Exit {
     fn from(error: StartError) -> Self {
         let code = match &error {
-            StartError::LogExists(_) | StartError::Ramp(_) => 2,
+            StartError::LogExists(_) | StartError::Ramp(_) | StartError::NoFoxglove(_) => 2,
             _ => 1,
         };
         Self::with_code(code, error)
@@ -119,7 +119,8 @@ pub(super) fn up(args: &UpArgs) -> Result<(), Exit> {
     }
     let config = start_config(&args.start)?;
     let log = log_path(args.start.log.as_ref(), &args.set.name)?;
-    let options = Options { home: home.clone(), config, scale: args.start.time_scale, log, script: None };
+    let (scale, foxglove) = (args.start.time_scale, args.start.foxglove);
+    let options = Options { home: home.clone(), config, scale, log, script: None, foxglove };
     runtime()?.block_on(async {
         // Before anything is started: a signal that comes early must take down what is there by then.
         let asked_to_end = asked_to_end()?;
@@ -142,6 +143,11 @@ pub(super) fn up(args: &UpArgs) -> Result<(), Exit> {
     })
 }
 
+/// Where the live view is.
+pub(super) fn say_view(url: Option<&str>, out: &mut dyn Write) -> io::Result<()> {
+    url.map_or(Ok(()), |url| writeln!(out, "Foxglove: open the connection {url}"))
+}
+
 fn say_ready() -> io::Result<()> {
     let mut out = io::stdout().lock();
     writeln!(out, "{READY}")?;
@@ -152,6 +158,7 @@ fn say_up(daemon: &Daemon) -> io::Result<()> {
     let mut out = io::stdout().lock();
     let (name, workers) = (daemon.home().name(), daemon.workers());
     writeln!(out, "set {name} is up: {workers} cards; log {}", daemon.log().display())?;
+    say_view(daemon.foxglove(), &mut out)?;
     writeln!(out, "Ctrl-C, or `ccu down --name {name}`, takes it down")?;
     out.flush()
 }
@@ -200,6 +207,7 @@ fn detach(home: &Home) -> Result<(), Exit> {
     let description = Client::connect(home)?.describe()?;
     let mut out = io::stdout().lock();
     writeln!(out, "set {} is up: process {}; log {}", home.name(), child.id(), description.log.display())?;
+    say_view(description.foxglove.as_deref(), &mut out)?;
     writeln!(out, "what it has to say goes to {}", messages.display())?;
     Ok(())
 }

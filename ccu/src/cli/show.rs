@@ -244,6 +244,11 @@ impl Pictures {
         Self { on_a_terminal: apart && io::stdout().is_terminal(), apart, first: true }
     }
 
+    /// Whether they have a screen of their own.
+    pub(super) fn are_on_a_terminal(&self) -> bool {
+        self.on_a_terminal
+    }
+
     /// Shows the next one, in one piece, so that it does not flicker.
     pub(super) fn show(&mut self, picture: &[u8]) -> io::Result<()> {
         let mut whole = Vec::with_capacity(picture.len() + 64);

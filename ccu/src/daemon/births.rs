@@ -14,6 +14,7 @@ use supersigma_protocol::Address;
 
 use super::StartError;
 use super::exchange::Exchange;
+use super::foxglove::ViewAddress;
 use super::process::Process;
 use super::recorder::{Cause, Said};
 use crate::home::Home;
@@ -70,15 +71,42 @@ impl Births {
         Process::start(arguments, ended)
     }
 
+    /// The arguments of processes that hear everything.
+    fn listener(&self, command: &str) -> Vec<OsString> {
+        let mut arguments = self.common(command);
+        let mut option = |name: &str, value: OsString| arguments.extend([name.into(), value]);
+        option("--set", self.home.name().to_string().into());
+        option("--wall-epoch", self.wall_epoch.0.to_string().into());
+        arguments
+    }
+
+    /// Starts the live view, and returns when it listens, with its URL. Nothing depends on it.
+    ///
+    /// # Errors
+    /// If it does not come to life.
+    pub(super) fn view(&self, address: ViewAddress) -> Result<(Process, String), StartError> {
+        let mut arguments = self.listener("foxglove-server");
+        arguments.extend(["--address".into(), address.to_string().into()]);
+        let leaving = Arc::clone(&self.leaving);
+        let started = Process::start(arguments, move |status| {
+            if !leaving.is_set() {
+                tracing::warn!(%status, "the Foxglove server has ended; the set goes on");
+            }
+        });
+        let cannot = |source| StartError::Io { what: "start the Foxglove server", source };
+        let mut view = started.map_err(cannot)?;
+        let url = view.line(BIRTH).ok_or(StartError::NoView(address))?;
+        view.tell_events().map_err(cannot)?;
+        Ok((view, url))
+    }
+
     /// Starts a recorder that writes `log`, from this part on (the first is 1), and returns when it hears the bus.
     ///
     /// # Errors
     /// If it does not come to life, or its file cannot be begun.
     pub(super) fn recorder(&self, log: &Path, part: u32) -> Result<Recorder, StartError> {
-        let mut arguments = self.common("recorder");
+        let mut arguments = self.listener("recorder");
         let mut option = |name: &str, value: OsString| arguments.extend([name.into(), value]);
-        option("--set", self.home.name().to_string().into());
-        option("--wall-epoch", self.wall_epoch.0.to_string().into());
         option("--log", log.into());
         option("--part", part.to_string().into());
         if self.script {
@@ -89,11 +117,14 @@ impl Births {
             // Whoever has its last words asks for the status; before that, nobody may.
             let _ = told.send(status);
         };
-        let process = Process::start(arguments, tell);
-        let mut process = process.map_err(|source| StartError::Io { what: "start the recorder", source })?;
+        let cannot = |source| StartError::Io { what: "start the recorder", source };
+        let mut process = Process::start(arguments, tell).map_err(cannot)?;
         let first = process.line(BIRTH).and_then(|line| serde_json::from_str(&line).ok());
         match first {
-            Some(Said::Ready) => Ok(Recorder { lines: process.take_lines(), ended, process }),
+            Some(Said::Ready) => {
+                process.tell_events().map_err(cannot)?;
+                Ok(Recorder { lines: process.take_lines(), ended, process })
+            }
             Some(Said::Failed { cause: Cause::Exists, .. }) => Err(StartError::LogExists(log.to_owned())),
             Some(Said::Failed { trouble, .. }) => Err(StartError::NoLog(trouble)),
             Some(Said::Status(_) | Said::Done(_)) | None => {

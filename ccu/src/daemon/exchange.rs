@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use axis_worker::clock::Clock;
 use supersigma_protocol::bus::{BusError, Lane, Receive, Transmit, Wake, Waker};
 use supersigma_protocol::{
-    About, Address, Answer, AxisNumber, Body, Broadcast, CardKind, Command, Fault, Frame, Occasion,
+    About, Activity, Address, Answer, AxisNumber, Body, Broadcast, CardKind, Command, Fault, Frame, Occasion,
     Operation, Report, Sender, Sequence, Tick, Ticks,
 };
 use tokio::sync::broadcast;
@@ -340,11 +340,6 @@ pub(super) struct LiveLink {
 }
 
 impl LiveLink {
-    /// Forgets what was heard before a new request.
-    pub(super) fn forget(&self) {
-        while self.heard.try_recv().is_ok() {}
-    }
-
     /// Moves need a log and living cards; stopping and asking do not.
     fn check(&self, broadcast: &Broadcast) -> Result<(), Failure> {
         let Ok(command) = Command::decode(broadcast.bytes.as_slice()) else {
@@ -384,6 +379,13 @@ impl Link for LiveLink {
 
     fn common(&self) -> Arc<Common> {
         Arc::clone(&self.exchange.common)
+    }
+
+    fn activity(&self, axis: AxisNumber) -> Option<Activity> {
+        match self.exchange.state().cards.get(&axis.address())?.report {
+            Report::Axis(report) => Some(report.activity),
+            Report::Digital(_) => None,
+        }
     }
 
     fn tell_resume(&self) {

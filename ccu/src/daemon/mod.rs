@@ -4,7 +4,8 @@
 //! |---------------------|-----------------------------------------|------------------------------------------------------|
 //! | a worker            | its watcher; silence on the bus         | all axes brake; its axis refuses to move             |
 //! | the recorder        | its watcher                             | all axes brake; nothing moves without a log          |
-//! | the CCU             | workers and recorder: lifeline's end    | axes brake, cards leave, the log is finished         |
+//! | the live view       | its watcher                             | nothing but a warning: it is for looking             |
+//! | the CCU             | the others: their lifelines' ends       | axes brake, cards leave, the log is finished         |
 //! | a client            | the control socket                      | what moves for it is halted                          |
 //!
 //! In order: start the recorder, then the cards, then listen to clients; stop in the opposite order, so that the log has
@@ -13,12 +14,15 @@
 mod births;
 mod exchange;
 mod feed;
+pub mod foxglove;
 mod keeper;
+mod lifeline;
 mod process;
 pub mod recorder;
 mod recording;
 mod scribe;
 mod server;
+mod telling;
 
 use std::fs;
 use std::io;
@@ -37,7 +41,9 @@ use tokio::sync::{Notify, watch};
 
 use self::births::{Births, Leaving};
 use self::exchange::Exchange;
+use self::foxglove::ViewAddress;
 use self::keeper::Keeper;
+use self::process::Process;
 use self::recording::Recording;
 use self::scribe::Scribe;
 use self::server::Desk;
@@ -64,6 +70,8 @@ pub struct Options {
     pub log: PathBuf,
     /// The program that it is started for.
     pub script: Option<String>,
+    /// Where a live view of it is served, if it is to be.
+    pub foxglove: Option<ViewAddress>,
 }
 
 /// Why a set cannot be started.
@@ -103,10 +111,25 @@ pub enum StartError {
         /// The log.
         log: PathBuf,
     },
+    /// The live view did not come to life.
+    #[error("the Foxglove server at {0} did not come to life")]
+    #[diagnostic(help("what it said stands above; the set works without it too"))]
+    NoView(ViewAddress),
+    /// This program was built without it.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    NoFoxglove(#[from] foxglove::NotBuilt),
     /// A card did not come to life.
     #[error("the worker of {0} did not come to life")]
     #[diagnostic(help("what it said stands above"))]
     NoWorker(Address),
+}
+
+/// A live view that is being served.
+struct View {
+    process: Process,
+    /// Where, as viewers want it.
+    url: String,
 }
 
 /// A set that is up.
@@ -118,6 +141,7 @@ pub struct Daemon {
     listening: JoinHandle<()>,
     recorder: Scribe,
     workers: Arc<Keeper>,
+    view: Option<View>,
     /// Once set, processes end because they shall.
     leaving: Arc<Leaving>,
     desk: Arc<Desk>,
@@ -131,7 +155,8 @@ impl Daemon {
     /// # Errors
     /// If something is in the way; then nothing of the set is left.
     pub fn start(options: Options) -> Result<Self, StartError> {
-        let Options { home, config, scale, log, script } = options;
+        let Options { home, config, scale, log, script, foxglove } = options;
+        foxglove::check(foxglove)?;
         let occupied = home.occupy()?;
         let place = Place::new(home.folder())?;
         let log =
@@ -167,15 +192,20 @@ impl Daemon {
                     StartError::Io { what: "make the control socket", source }
                 })
             });
-            match workers {
-                Ok((workers, listener)) => Ok((recorder, workers, listener)),
+            let all = workers.and_then(|(workers, listener)| {
+                let view = foxglove.map(|address| births.view(address)).transpose();
+                let view = view.inspect_err(|_| workers.finish(END))?;
+                Ok((workers, listener, view.map(|(process, url)| View { process, url })))
+            });
+            match all {
+                Ok((workers, listener, view)) => Ok((recorder, workers, listener, view)),
                 Err(error) => {
                     recorder.finish(END);
                     Err(error)
                 }
             }
         });
-        let (recorder, workers, listener) = match processes {
+        let (recorder, workers, listener, view) = match processes {
             Ok(processes) => processes,
             Err(error) => {
                 leaving.set();
@@ -187,13 +217,28 @@ impl Daemon {
             }
         };
         let desk = Arc::new(Desk {
-            describe: Box::new(describer(&births, &log, recorder.recording(), &workers)),
+            describe: Box::new(describer(&births, &log, recorder.recording(), &workers, view.as_ref())),
             exchange: Arc::clone(&exchange),
             down: Notify::new(),
             report: watch::Sender::new(None),
         });
         let serving = tokio::spawn(server::serve(listener, Arc::clone(&desk)));
-        Ok(Self { occupied, place, bus, exchange, listening, recorder, workers, leaving, desk, serving, log })
+        let name = home.name();
+        tracing::info!(%name, cards = workers.cards(), time_scale = scale.get(), "the set is up");
+        Ok(Self {
+            occupied,
+            place,
+            bus,
+            exchange,
+            listening,
+            recorder,
+            workers,
+            view,
+            leaving,
+            desk,
+            serving,
+            log,
+        })
     }
 
     /// Where it lives.
@@ -206,6 +251,12 @@ impl Daemon {
     #[must_use]
     pub fn log(&self) -> &Path {
         &self.log
+    }
+
+    /// Where a live view of it is served.
+    #[must_use]
+    pub fn foxglove(&self) -> Option<&str> {
+        self.view.as_ref().map(|view| view.url.as_str())
     }
 
     /// Its cards' processes: how many.
@@ -227,7 +278,8 @@ impl Daemon {
     }
 
     /// Takes the set down: axes stand, cards leave, the log is finished, and nothing is left on the machine.
-    pub async fn stop(self) -> DownReport {
+    pub async fn stop(mut self) -> DownReport {
+        tracing::info!("the set goes down");
         self.exchange.going_down();
         self.bring_to_a_stand();
         self.leaving.set();
@@ -236,6 +288,9 @@ impl Daemon {
         let everybody_left = || self.exchange.cards().values().all(|life| !life.alive);
         wait_for(&heard, END, everybody_left);
         let summary = self.recorder.finish(END);
+        if let Some(view) = &mut self.view {
+            view.process.finish(END);
+        }
         self.workers.finish(END);
         self.exchange.stop();
         let _ = self.listening.join();
@@ -297,11 +352,13 @@ fn describer(
     log: &Path,
     recording: &Recording,
     workers: &Arc<Keeper>,
+    view: Option<&View>,
 ) -> impl Fn() -> Description + Send + Sync + use<> {
     let (name, scale) = (births.home.name().to_string(), births.clock.scale());
     let (exchange, log) = (Arc::clone(&births.exchange), log.to_owned());
     let (recording, workers) = (recording.clone(), Arc::clone(workers));
     let since = Instant::now();
+    let foxglove = view.map(|view| view.url.clone());
     move || {
         let cards = exchange.cards();
         let axis = |axis: AxisNumber| match cards.get(&axis.address()) {
@@ -323,6 +380,7 @@ fn describer(
             config: config.to_toml(),
             time_scale: scale.get(),
             log: log.clone(),
+            foxglove: foxglove.clone(),
             up_s: since.elapsed().as_secs_f64(),
             axes: config
                 .axes

@@ -12,11 +12,15 @@ use std::time::Duration;
 
 use rustix::process::{Pid, Signal, kill_process};
 
+use crate::notices;
+
 /// A child process. Its standard input is its lifeline, its standard output comes here line by line.
 #[derive(Debug)]
 pub(super) struct Process {
     pid: u32,
     lifeline: Option<ChildStdin>,
+    /// What the daemon says, if it goes along the lifeline.
+    events: Option<notices::Stream>,
     lines: Receiver<String>,
     end: Arc<End>,
 }
@@ -55,7 +59,7 @@ impl Process {
                 ended(status);
             }
         })?;
-        Ok(Self { pid, lifeline, lines, end })
+        Ok(Self { pid, lifeline, events: None, lines, end })
     }
 
     /// Its number.
@@ -81,9 +85,18 @@ impl Process {
         }
     }
 
-    /// Ends its lifeline.
+    /// From now on, what the daemon has to say goes along the lifeline.
+    ///
+    /// # Errors
+    /// If the thread that writes cannot be started.
+    pub(super) fn tell_events(&mut self) -> io::Result<()> {
+        self.events = self.lifeline.take().map(notices::stream_to).transpose()?;
+        Ok(())
+    }
+
+    /// Ends its lifeline, behind what is still to be said along it.
     pub(super) fn let_go(&mut self) {
-        self.lifeline = None;
+        (self.lifeline, self.events) = (None, None);
     }
 
     /// Waits until it has ended, and kills it after `limit`; says how it ended.

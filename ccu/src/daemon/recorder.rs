@@ -2,10 +2,8 @@
 //! whatever happens to the CCU. What it has to say goes to its standard output, a line of JSON each ([`Said`]).
 
 use std::fs;
-use std::io::{self, Read, Write};
+use std::io::{self, Write};
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, SyncSender};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
@@ -20,6 +18,7 @@ use supersigma_protocol::bus::Bus;
 use supersigma_protocol::bus::shared_memory::{Place, SharedBus};
 use tokio::signal::unix::{SignalKind, signal};
 
+use super::lifeline::Lifeline;
 use crate::executive::LogTrouble;
 use crate::log::{
     AxisNames, LogError, LogHeader, LogSummary, LogWriter, RecorderStatus, Rotation, Timeline, WallTime, run,
@@ -103,8 +102,14 @@ pub fn record(args: &RecorderArgs) -> miette::Result<bool> {
     let script = args.script.as_ref().map(fs::read_to_string).transpose();
     let script = script.into_diagnostic().wrap_err("cannot read the set's program")?;
     let timeline = Timeline { epoch: WallTime(args.wall_epoch), scale: args.time_scale };
-    let header =
-        LogHeader { set: args.set.clone(), names: AxisNames::from(&config), timeline, config: text, script };
+    let header = LogHeader {
+        version: LogHeader::VERSION.to_owned(),
+        set: args.set.clone(),
+        names: AxisNames::from(&config),
+        timeline,
+        config: text,
+        script,
+    };
     let flush = Duration::from_millis(config.log.flush_ms.into());
     outlive_file_size_limit().into_diagnostic()?;
     let mouth = Mouth::open().into_diagnostic()?;
@@ -114,15 +119,16 @@ pub fn record(args: &RecorderArgs) -> miette::Result<bool> {
     };
     let bus = SharedBus::join(&Place::new(&args.runtime).into_diagnostic()?).into_diagnostic()?;
     let tap = bus.tap().into_diagnostic()?;
-    let stop = watch_lifeline().into_diagnostic()?;
-    mouth.say(Said::Ready);
     let clock = Clock::new(Monotonic::from_nanos(args.epoch), args.time_scale);
+    let lifeline = Lifeline::watch(clock).into_diagnostic()?;
+    mouth.say(Said::Ready);
     let mut last = RecorderStatus::default();
     let recorded = run(
         tap,
         writer,
         || clock.now(),
-        &stop,
+        &lifeline.events,
+        &lifeline.ended,
         |status| {
             mouth.mention(Said::Status(status.clone()));
             if status.full && !last.full {
@@ -240,15 +246,4 @@ fn outlive_file_size_limit() -> io::Result<()> {
     let _inside = runtime.enter();
     // The handler stays when what listens to it goes.
     signal(SignalKind::from_raw(Signal::XFSZ.as_raw())).map(drop)
-}
-
-fn watch_lifeline() -> io::Result<Arc<AtomicBool>> {
-    let ended = Arc::new(AtomicBool::new(false));
-    let flag = Arc::clone(&ended);
-    thread::Builder::new().name("lifeline".into()).spawn(move || {
-        let mut buffer = [0; 64];
-        while matches!(io::stdin().read(&mut buffer), Ok(1..)) {}
-        flag.store(true, Ordering::Release);
-    })?;
-    Ok(ended)
 }

@@ -19,8 +19,9 @@ use tokio::task;
 use tokio::time::MissedTickBehavior;
 
 use super::exchange::{Exchange, LiveLink};
+use super::telling::telling;
 use crate::control::{Description, DownReport, FromDaemon, Overheard, ToDaemon};
-use crate::executive::{Executive, Failure, Operate, Outcome, Request};
+use crate::executive::{Executive, Failure, Link, Operate, Outcome, Request};
 
 /// Of a longer line only so much is read; the rest then makes no sense and is answered so.
 const LONGEST_LINE: u64 = 64 * 1024;
@@ -106,8 +107,9 @@ async fn attend(stream: UnixStream, desk: Arc<Desk>) -> io::Result<()> {
                 answer
             }
             Ok(ToDaemon::Describe) => {
-                // One who only looks never asks the executive, which would keep all that it hears.
-                executive.link().forget();
+                // One who only looks never asks the executive, which would keep all that it hears. What goes wrong with
+                // movements is told to whoever waits for them.
+                let _ = executive.catch_up();
                 FromDaemon::Description(Box::new((desk.describe)()))
             }
             Ok(ToDaemon::Watch) => {
@@ -120,9 +122,14 @@ async fn attend(stream: UnixStream, desk: Arc<Desk>) -> io::Result<()> {
             Ok(ToDaemon::Down) => take_down(&desk).await,
             Err(error) => FromDaemon::Failed(Failure::Control { reason: error.to_string() }),
         };
-        send(&mut write, &answer).await?;
+        if let Err(error) = send(&mut write, &answer).await {
+            tracing::debug!(%error, "a client does not hear its answer");
+            break;
+        }
     }
     reading.abort();
+    // Whoever began something and is gone does not wait for it any more.
+    executive.abandon();
     Ok(())
 }
 
@@ -175,8 +182,19 @@ fn carry_out(
     request: Request,
     how: impl FnOnce(&mut Executive<LiveLink>, Request) -> Result<Outcome, Failure>,
 ) -> (Executive<LiveLink>, FromDaemon) {
-    executive.link().forget();
-    let answer = match how(&mut executive, request) {
+    let caught_up = executive.catch_up();
+    let watched = !request.is_unwatched() && !matches!(request, Request::Begin { .. });
+    let what = telling(&request, executive.link().knowledge());
+    if let Some(what) = &what {
+        tracing::info!("{what}: begun");
+    }
+    let result = caught_up.and_then(|()| how(&mut executive, request));
+    match (&what, &result) {
+        (Some(what), Ok(_)) if watched => tracing::info!("{what}: done"),
+        (Some(what), Err(failure)) => tracing::info!("{what}: {failure}"),
+        _ => {}
+    }
+    let answer = match result {
         Ok(outcome) => FromDaemon::Done(outcome),
         Err(failure) => FromDaemon::Failed(failure),
     };

@@ -104,6 +104,9 @@ pub fn failure(failure: &Failure) -> String {
         Failure::GaveUp { .. } => "look at the axis; nothing moves it until it is cleared (`ccu clear`) and \
                                    originated (`ccu origin`)"
             .into(),
+        Failure::NotAsRecorded { .. } => {
+            "the set does not do what the recorded one did; compare the two logs with `ccu frames`".into()
+        }
         Failure::NotConfirmed { .. } => "raise `line.lead_ms`".into(),
         Failure::WorkerGone { .. } => {
             "`ccu ps` shows when it is back; then its axis has to be originated".into()
@@ -120,6 +123,9 @@ pub fn failure(failure: &Failure) -> String {
         Failure::TooFar { .. } => "make it in parts".into(),
         Failure::EmptyLine => "give at least one axis steps other than 0".into(),
         Failure::DifferentRamps { .. } => "give them the same ramp in the configuration".into(),
+        Failure::Several { .. } => "look at each of these axes: `ccu status`".into(),
+        Failure::NotAMovement => "begin a movement or a search".into(),
+        Failure::NoSuchMovement { .. } => "wait for a movement once, on the connection that began it".into(),
         Failure::NothingToResume => "`ccu status` shows where the axes stand; move them from there".into(),
         Failure::MovedMeanwhile { .. } => "`ccu status` shows where it stands; move it from there".into(),
         Failure::SpeedOutOfRange { slowest, fastest, .. } => {

@@ -10,6 +10,7 @@ use supersigma_protocol::{Address, Alarm, AxisNumber, CardKind, Position, Refusa
 
 use super::advice;
 use super::link::Knowledge;
+use super::request::Begun;
 
 /// Why something did not come about.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -86,6 +87,13 @@ pub enum Failure {
         /// What was tried, in order.
         tried: String,
     },
+    /// In a replay, an axis still moves that stood in the record.
+    NotAsRecorded {
+        /// The axis.
+        axis: AxisNumber,
+        /// How long it was given, in real time.
+        milliseconds: u32,
+    },
     /// A line could not be started on all axes in time.
     NotConfirmed {
         /// The axis.
@@ -127,6 +135,18 @@ pub enum Failure {
         one: AxisNumber,
         /// Another one.
         other: AxisNumber,
+    },
+    /// Several movements that were waited for together have failed.
+    Several {
+        /// Why, each.
+        failures: Vec<Failure>,
+    },
+    /// Something was to be begun that does not go on for a while.
+    NotAMovement,
+    /// Something was to be waited for that was not begun, or has been waited for already.
+    NoSuchMovement {
+        /// Its number.
+        begun: Begun,
     },
     /// Nothing was halted.
     NothingToResume,
@@ -185,9 +205,12 @@ impl Failure {
             Self::NoSuchAxis { .. }
             | Self::TooFar { .. }
             | Self::EmptyLine
+            | Self::NotAMovement
+            | Self::NoSuchMovement { .. }
             | Self::DifferentRamps { .. }
             | Self::SpeedOutOfRange { .. } => 2,
             Self::BusGone { .. } | Self::NoSet { .. } | Self::Control { .. } | Self::GoingDown => 3,
+            Self::Several { failures } => failures.first().map_or(1, Self::exit_code),
             _ => 1,
         }
     }
@@ -215,6 +238,7 @@ impl Failure {
             | Self::NoSuchAxis { axis }
             | Self::MovedMeanwhile { axis }
             | Self::SpeedOutOfRange { axis, .. } => Some(*axis),
+            Self::Several { failures } => failures.first().and_then(Self::axis),
             Self::DigitalRefused { card, .. }
             | Self::NoAnswer { card, .. }
             | Self::WorkerGone { card }
@@ -234,6 +258,7 @@ impl Failure {
             | Self::Alarm { at, .. }
             | Self::Stopped { at, .. }
             | Self::Overdue { at, .. } => *at,
+            Self::Several { failures } => failures.first().and_then(Self::at),
             _ => None,
         }
     }
@@ -291,6 +316,11 @@ impl Failure {
             Self::GaveUp { axis, reason, tried } => {
                 write!(f, "{} does not get there: {reason}; the executive {tried}", name(*axis))
             }
+            Self::NotAsRecorded { axis, milliseconds } => write!(
+                f,
+                "{} still moves {milliseconds} ms after the moment at which it stood in the record",
+                name(*axis)
+            ),
             Self::NotConfirmed { axis } => write!(
                 f,
                 "the line was not started: {} did not confirm the start in time; nobody moved",
@@ -314,6 +344,18 @@ impl Failure {
                 name(*one),
                 name(*other)
             ),
+            Self::Several { failures } => {
+                write!(f, "{} movements failed", failures.len())?;
+                for (index, failure) in failures.iter().enumerate() {
+                    f.write_str(if index == 0 { ": " } else { "; " })?;
+                    failure.tell(f, name, "")?;
+                }
+                Ok(())
+            }
+            Self::NotAMovement => f.write_str("only a movement can be begun"),
+            Self::NoSuchMovement { begun } => {
+                write!(f, "no movement {} was begun here that nobody has waited for", begun.0)
+            }
             Self::NothingToResume => f.write_str("nothing was halted that could be resumed"),
             Self::MovedMeanwhile { axis } => write!(
                 f,

@@ -6,7 +6,9 @@ use std::time::Duration;
 
 use axis_worker::ramp::Table;
 use supersigma_config::{Config, RampError};
-use supersigma_protocol::{Address, Answer, AxisNumber, Broadcast, Fault, Sequence, SpeedIndex, Tick, Ticks};
+use supersigma_protocol::{
+    Activity, Address, Answer, AxisNumber, Broadcast, Fault, Sequence, SpeedIndex, Tick, Ticks,
+};
 
 use super::failure::{Failure, LogTrouble};
 use super::request::{Remainder, Request};
@@ -138,6 +140,12 @@ pub trait Link {
     /// # Errors
     /// If the bus fails, or whoever asked does not want it any more.
     fn hear(&mut self, until: Tick) -> Result<Option<Heard>, Failure>;
+
+    /// What an axis is doing, as far as it is known here.
+    fn activity(&self, axis: AxisNumber) -> Option<Activity> {
+        let _ = axis;
+        None
+    }
 
     /// What the executives of this set have in common.
     fn common(&self) -> Arc<Common>;

@@ -5,10 +5,11 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 use supersigma_protocol::{
-    Address, AxisNumber, AxisReport, CommandBytes, Deviation, Direction, Distance, Fault, Position, Refusal,
-    StatusWord, Steps, Ticks,
+    Address, Alarm, AxisNumber, AxisReport, CommandBytes, Deviation, Direction, Distance, Fault, Position,
+    Refusal, StatusWord, Steps, Tick, Ticks,
 };
 
+use super::again::{Again, Shift};
 use super::failure::Failure;
 
 /// Signed steps: positive is away from the origin.
@@ -112,10 +113,35 @@ pub enum Request {
         /// Which.
         fault: Fault,
     },
+    /// Begin a movement; it is waited for with [`Request::Await`], by whoever began it.
+    Begin {
+        /// A movement or a search.
+        request: Box<Request>,
+    },
+    /// Wait for what was begun.
+    Await {
+        /// Which.
+        begun: Vec<Begun>,
+        /// Until when.
+        until: Until,
+    },
+    /// Halt what was begun and is not over, and forget it.
+    Abandon,
+    /// What tick is it?
+    Now,
     /// Let machine time pass.
     Wait {
         /// How much.
         ticks: Ticks,
+    },
+    /// Recorded frames on the bus again.
+    Replay {
+        /// In the order in which they were sent.
+        frames: Vec<Again>,
+        /// Where the record's time lies; the first request of a replay leaves that open.
+        shift: Option<Shift>,
+        /// Alarms that the record has too.
+        known: Vec<(AxisNumber, Alarm)>,
     },
     /// Raw bytes on the bus.
     Send {
@@ -153,6 +179,34 @@ impl Request {
     }
 }
 
+/// The number of something that was begun, on one connection.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Begun(pub u64);
+
+/// How long what was begun is waited for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Until {
+    /// Only look, for a moment.
+    Now,
+    /// Until one is over.
+    Any,
+    /// Until all are over.
+    All,
+    /// Until all are over; as soon as one has failed, the others are halted.
+    AllOrFailure,
+}
+
+/// Something that was begun and is over.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Ended {
+    /// Which.
+    pub begun: Begun,
+    /// Its movements, or why they are not complete.
+    pub result: Result<Vec<Movement>, Failure>,
+}
+
 /// One line of a path.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Leg {
@@ -183,8 +237,19 @@ pub enum Outcome {
     Axes(Vec<AxisState>),
     /// The lines of a digital card.
     Digital(u16),
+    /// Recorded frames are on the bus again.
+    Replayed {
+        /// Where the record's time lies by now.
+        shift: Shift,
+    },
     /// The cards' answers to raw bytes.
     Answers(Vec<RawAnswer>),
+    /// A movement has been begun.
+    Begun(Begun),
+    /// Those of the movements asked for that are over, in the order asked; they are forgotten.
+    Ended(Vec<Ended>),
+    /// The tick.
+    Tick(Tick),
 }
 
 /// A movement that is over.
@@ -200,6 +265,8 @@ pub struct Movement {
     pub done: Steps,
     /// X1..X5 at its end.
     pub sense: StatusWord,
+    /// When the card took the command (a line: when it started).
+    pub start: Tick,
     /// From the tick at which the card took the command (a line: at which it started) to the last pulse.
     pub took: Ticks,
     /// Where the axis stands now.

@@ -5,14 +5,13 @@ use std::collections::BTreeMap;
 
 use mcap::records::Metadata;
 use mcap::{Attachment, McapError};
-use supersigma_protocol::AxisNumber;
 use supersigma_protocol::bus::Lane;
 
 use super::file::LogFile;
 use super::header::{CONFIG_NAME, LogHeader, METADATA_NAME, SCRIPT_NAME};
 use super::part::PartPlace;
-use super::schema::{FRAME_TYPES, log_schema, view_schema};
-use super::view::{AnswerView, AxisView, CommandView, DigitalView};
+use super::schema::FRAME_TYPES;
+use super::told::{ENCODING, SCHEMA_ENCODING, Topic};
 
 /// The file that is being written.
 pub(super) type McapFile = mcap::Writer<LogFile>;
@@ -70,11 +69,9 @@ pub(super) fn write_preamble(
 pub(super) struct Channels {
     commands: u16,
     answers: u16,
-    command: u16,
-    axes: [Option<u16>; AxisNumber::COUNT],
-    axis_schema: u16,
-    digital: u16,
-    events: u16,
+    /// Schemas by name.
+    schemas: BTreeMap<&'static str, u16>,
+    topics: BTreeMap<Topic, u16>,
     /// Messages on each channel.
     written: BTreeMap<u16, u64>,
 }
@@ -82,32 +79,20 @@ pub(super) struct Channels {
 impl Channels {
     /// Writes the schemas, and the channels of a set.
     pub(super) fn add(mcap: &mut McapFile, header: &LogHeader) -> Result<Self, McapError> {
-        let nothing = BTreeMap::new();
         let frames = mcap.add_schema("supersigma.Frame", "postcard-rust", FRAME_TYPES.as_bytes())?;
         let mut raw = |lane| {
             let metadata = BTreeMap::from([(LANE.to_owned(), lane_name(lane).to_owned())]);
             mcap.add_channel(frames, MICROBUS, "postcard", &metadata)
         };
-        let (commands, answers) = (raw(Lane::Commands)?, raw(Lane::Answers)?);
-        let mut schema = |name, schema: serde_json::Value| {
-            mcap.add_schema(name, "jsonschema", schema.to_string().as_bytes())
-        };
-        let command_schema = schema("supersigma.Command", view_schema::<CommandView>())?;
-        let axis_schema = schema("supersigma.AxisStatus", view_schema::<AnswerView<AxisView>>())?;
-        let digital_schema = schema("supersigma.DigitalStatus", view_schema::<AnswerView<DigitalView>>())?;
-        let event_schema = schema("foxglove.Log", log_schema())?;
         let mut channels = Self {
-            commands,
-            answers,
-            command: mcap.add_channel(command_schema, COMMAND, "json", &nothing)?,
-            axes: [None; AxisNumber::COUNT],
-            axis_schema,
-            digital: mcap.add_channel(digital_schema, DIGITAL, "json", &nothing)?,
-            events: mcap.add_channel(event_schema, EVENTS, "json", &nothing)?,
+            commands: raw(Lane::Commands)?,
+            answers: raw(Lane::Answers)?,
+            schemas: BTreeMap::new(),
+            topics: BTreeMap::new(),
             written: BTreeMap::new(),
         };
-        for (axis, _) in header.names.iter() {
-            channels.axis(axis, mcap, header)?;
+        for topic in Topic::of_set(&header.names) {
+            channels.topic(topic, mcap, header)?;
         }
         Ok(channels)
     }
@@ -120,21 +105,6 @@ impl Channels {
         }
     }
 
-    /// The twins of the commands.
-    pub(super) const fn command(&self) -> u16 {
-        self.command
-    }
-
-    /// The twins of the digital cards' answers.
-    pub(super) const fn digital(&self) -> u16 {
-        self.digital
-    }
-
-    /// The events.
-    pub(super) const fn events(&self) -> u16 {
-        self.events
-    }
-
     /// Counts a message on a channel; returns how many there were before it.
     pub(super) fn count(&mut self, channel: u16) -> u64 {
         let written = self.written.entry(channel).or_default();
@@ -142,20 +112,24 @@ impl Channels {
         *written - 1
     }
 
-    /// The twins of an axis' answers; an axis that the configuration does not have gets its channel when it first speaks.
-    pub(super) fn axis(
+    /// The channel of a topic; an axis that the configuration does not have gets its channel when it first speaks.
+    pub(super) fn topic(
         &mut self,
-        axis: AxisNumber,
+        topic: Topic,
         mcap: &mut McapFile,
         header: &LogHeader,
     ) -> Result<u16, McapError> {
-        let slot = &mut self.axes[axis.index()];
-        if let Some(channel) = *slot {
-            return Ok(channel);
+        if let Some(channel) = self.topics.get(&topic) {
+            return Ok(*channel);
         }
-        let topic = format!("/axis/{}/status", header.names.of(axis));
-        let channel = mcap.add_channel(self.axis_schema, &topic, "json", &BTreeMap::new())?;
-        *slot = Some(channel);
+        let name = topic.schema_name();
+        let schema = match self.schemas.get(name) {
+            Some(schema) => *schema,
+            None => mcap.add_schema(name, SCHEMA_ENCODING, topic.schema().as_bytes())?,
+        };
+        self.schemas.insert(name, schema);
+        let channel = mcap.add_channel(schema, &topic.name(&header.names), ENCODING, &BTreeMap::new())?;
+        self.topics.insert(topic, channel);
         Ok(channel)
     }
 }

@@ -1,5 +1,6 @@
-//! What somebody should look at: gaps, bytes that are no frame, refusals, alarms. Their shape is `foxglove.Log`, which
-//! MCAP viewers list with its levels. This room words the events; it does not decide what follows from them.
+//! What somebody should look at: gaps, bytes that are no frame, refusals, alarms, and what the daemon has to say. Their
+//! shape is `foxglove.Log`, which MCAP viewers list with its levels. This room words the events of the bus; it does not
+//! decide what follows from them.
 
 use std::collections::BTreeMap;
 
@@ -13,19 +14,30 @@ use super::senders::Gap;
 use super::view::{address_name, hex, sender_name};
 
 /// The levels of `foxglove.Log` that occur.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Level {
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Level {
+    /// What happens.
+    Info = 2,
+    /// What should not happen.
     Warning = 3,
+    /// What is wrong.
     Error = 4,
 }
 
 /// One event, still without its time.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct Event {
-    pub(crate) level: Level,
-    /// Whom it is about.
-    pub(crate) name: String,
-    pub(crate) message: String,
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Event {
+    /// How grave it is.
+    pub level: Level,
+    /// Whom it is about, or who says it.
+    pub name: String,
+    /// What there is to say.
+    pub message: String,
+    /// The place in the source text that says it; events of the bus have none.
+    pub file: String,
+    /// The line there.
+    pub line: u32,
 }
 
 /// What an event of a log was about, told from its words.
@@ -76,31 +88,43 @@ pub(super) struct LogMessage<'a> {
     level: u8,
     message: &'a str,
     name: &'a str,
-    /// The schema asks for a place in a source text; events of the bus have none.
-    file: &'static str,
+    file: &'a str,
     line: u32,
 }
 
-#[derive(Debug, Serialize)]
-struct Timestamp {
+/// A time as Foxglove's schemas have it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub(super) struct Timestamp {
     sec: u64,
     nsec: u64,
 }
 
+impl From<WallTime> for Timestamp {
+    fn from(time: WallTime) -> Self {
+        Self { sec: time.0 / 1_000_000_000, nsec: time.0 % 1_000_000_000 }
+    }
+}
+
+impl From<Timestamp> for WallTime {
+    fn from(Timestamp { sec, nsec }: Timestamp) -> Self {
+        Self(sec.saturating_mul(1_000_000_000).saturating_add(nsec))
+    }
+}
+
 impl Event {
-    fn new(level: Level, name: String, message: String) -> Self {
-        Self { level, name, message }
+    pub(crate) fn new(level: Level, name: String, message: String) -> Self {
+        Self { level, name, message, file: String::new(), line: 0 }
     }
 
     /// The event as it is written.
     pub(super) fn at(&self, time: WallTime) -> LogMessage<'_> {
         LogMessage {
-            timestamp: Timestamp { sec: time.0 / 1_000_000_000, nsec: time.0 % 1_000_000_000 },
+            timestamp: time.into(),
             level: self.level as u8,
             message: &self.message,
             name: &self.name,
-            file: "",
-            line: 0,
+            file: &self.file,
+            line: self.line,
         }
     }
 

@@ -21,6 +21,8 @@ const TICK_NS: u64 = 1_000_000_000 / Tick::PER_SECOND;
 /// What stands before the first frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LogHeader {
+    /// The version of the program that wrote it.
+    pub version: String,
     /// The set's name, as in `--name`.
     pub set: String,
     /// The axes.
@@ -34,10 +36,13 @@ pub struct LogHeader {
 }
 
 impl LogHeader {
+    /// The version of this program.
+    pub const VERSION: &str = env!("CARGO_PKG_VERSION");
+
     /// The entries of the metadata record.
     pub(super) fn to_metadata(&self) -> BTreeMap<String, String> {
         let mut entries = BTreeMap::from([
-            ("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
+            ("version".to_owned(), self.version.clone()),
             ("set".to_owned(), self.set.clone()),
             ("epoch_ns".to_owned(), self.timeline.epoch.0.to_string()),
             ("time_scale".to_owned(), self.timeline.scale.to_string()),
@@ -50,6 +55,7 @@ impl LogHeader {
     /// The header in a metadata record, still without configuration and script; `None` if an entry is missing.
     pub(super) fn from_metadata(entries: &BTreeMap<String, String>) -> Option<Self> {
         Some(Self {
+            version: entries.get("version")?.clone(),
             set: entries.get("set")?.clone(),
             names: AxisNumber::all()
                 .filter_map(|axis| Some((axis, entries.get(&axis_key(axis))?.clone())))

@@ -9,13 +9,15 @@
 //!                      │ part      one MCAP file; file: the bytes of it that are whole
 //!                      │ senders   gaps in the sequence numbers
 //!                      │ order     one time order out of two services and eight senders
+//!                      │ told      what viewers are told, in JSON; shared with `live`, the view of a running set
 //!                      │ view      frames decoded for JSON
+//!                      │ joints    all axes in one message
 //!                      └ schema    what the channels hold
 //! ```
 //!
 //! Topics: `/microbus` (the bytes as they travelled, one channel for each of the two services), `/command`,
-//! `/axis/<name>/status`, `/digital/status` and `/events`. The writer and the reader know no clock and no bus; the
-//! recorder's loop is the only room in here that sleeps. Nothing in here commands, or interprets motion.
+//! `/axis/<name>/status`, `/digital/status`, `/joint_states` and `/events`. The writer and the reader know no clock and
+//! no bus; the recorder's loop is the only room in here that sleeps. Nothing in here commands, or interprets motion.
 
 mod channels;
 mod events;
@@ -25,7 +27,9 @@ mod frames;
 mod header;
 mod index;
 mod info;
+mod joints;
 mod line;
+mod live;
 mod messages;
 mod order;
 mod part;
@@ -37,6 +41,8 @@ mod salvage;
 mod schema;
 mod senders;
 mod table;
+mod told;
+mod twins;
 mod view;
 mod writer;
 
@@ -48,18 +54,22 @@ use std::path::PathBuf;
 
 use supersigma_protocol::bus::BusError;
 
-pub(crate) use events::{Event, Level, Watch as EventWatch};
+pub(crate) use events::Watch as EventWatch;
+pub use events::{Event, Level};
 pub(crate) use filter::concerns;
 pub use filter::{Filter, Judge, operation};
 pub use frames::{Form, FramesAsked, FramesCount, frames};
 pub use header::{AxisNames, LogHeader, Timeline, WallTime};
 pub use info::{AlarmInfo, ChannelInfo, FramesInfo, GapInfo, LogInfo, LogState, info};
 pub use line::Lines;
+pub use live::LiveView;
 pub use reader::{LogReader, LoggedFrame};
 pub use recorder::{RecorderStatus, run};
 pub use recover::{Lost, Recovery, recover};
 pub use rotation::Rotation;
 pub use senders::Gap;
+pub use told::{ENCODING, Message, SCHEMA_ENCODING, Topic};
+pub use twins::{TwinReader, Twinned, twin_of};
 pub(crate) use view::sender_name;
 pub use view::{
     AboutView, AlarmView, AnswerView, AxisView, CommandView, DigitalView, FrameView, RefusalView, ReportView,

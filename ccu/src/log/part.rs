@@ -7,12 +7,13 @@ use std::sync::Arc;
 
 use mcap::records::MessageHeader;
 use mcap::{McapError, WriteOptions};
-use supersigma_protocol::{AxisNumber, Tick};
+use supersigma_protocol::Tick;
 
 use super::LogError;
 use super::channels::{Channels, McapFile, write_preamble};
 use super::file::{Ledger, LogFile};
 use super::header::{LogHeader, METADATA_NAME, WallTime};
+use super::told::Topic;
 
 /// Where a file stands in its log.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -88,12 +89,12 @@ impl Part {
         &self.channels
     }
 
-    /// The channel of an axis' twins.
+    /// The channel of a topic.
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub(super) fn axis(&mut self, axis: AxisNumber, header: &LogHeader) -> Result<u16, LogError> {
-        self.channels.axis(axis, &mut self.mcap, header).map_err(|error| failed(&self.path, error))
+    pub(super) fn topic(&mut self, topic: Topic, header: &LogHeader) -> Result<u16, LogError> {
+        self.channels.topic(topic, &mut self.mcap, header).map_err(|error| failed(&self.path, error))
     }
 
     /// Writes one message. `number` is its place on the channel; without one, messages are counted.

@@ -95,7 +95,7 @@ impl Iterator for LogReader {
 }
 
 /// The service that a channel of `/microbus` carries.
-fn lane(channel: &Channel) -> Option<Lane> {
+pub(super) fn lane(channel: &Channel) -> Option<Lane> {
     let name = channel.metadata.get(LANE)?;
     [Lane::Commands, Lane::Answers].into_iter().find(|&lane| name == lane_name(lane))
 }

@@ -1,6 +1,7 @@
 //! The recorder process's loop: bus to log. It only listens; it sleeps between two looks and never spins.
 
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::Receiver;
 use std::thread;
 use std::time::Duration;
 
@@ -9,6 +10,7 @@ use supersigma_protocol::bus::Tap;
 use supersigma_protocol::{Tick, Ticks};
 
 use super::LogError;
+use super::events::Event;
 use super::senders::Gap;
 use super::writer::{LogSummary, LogWriter};
 
@@ -32,8 +34,8 @@ pub struct RecorderStatus {
 }
 
 /// Records the bus until `stop` is set and then until every card that spoke has sent its last frame, or nothing has
-/// been on the bus for 600 ms. `clock` tells the set's tick. `tell` is told what has changed, every 250 ms, and at once
-/// when the disk is full; gaps are logged through `tracing` as they are found.
+/// been on the bus for 600 ms. `clock` tells the set's tick; `events` brings what the daemon has to say. `tell` is told
+/// what has changed, every 250 ms, and at once when the disk is full; gaps are logged through `tracing` as they are found.
 ///
 /// On a full disk it goes on for a second and then finishes the log.
 ///
@@ -44,6 +46,7 @@ pub fn run(
     mut tap: impl Tap,
     mut writer: LogWriter,
     clock: impl Fn() -> Tick,
+    events: &Receiver<(Tick, Event)>,
     stop: &AtomicBool,
     mut tell: impl FnMut(&RecorderStatus),
 ) -> Result<LogSummary, LogError> {
@@ -69,6 +72,9 @@ pub fn run(
                 return Err(error.into());
             }
         };
+        for (at, event) in events.try_iter() {
+            writer.note(at, event, now);
+        }
         if let Err(error) = writer.advance(now) {
             tell(&RecorderStatus { log: writer.saved().clone(), ..news.told });
             return Err(error);

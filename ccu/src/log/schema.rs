@@ -1,5 +1,5 @@
 //! What the channels hold, in the words that MCAP viewers understand: JSON Schemas made from the views' types, the
-//! schema `foxglove.Log`, and the Rust types behind the raw frames.
+//! schemas `foxglove.Log` and `foxglove.JointStates`, and the Rust types behind the raw frames.
 //!
 //! Viewers take a narrow dialect of JSON Schema: each property has exactly one `type`, there are no references and no
 //! alternatives. So the derived schemas are narrowed here, and a value that a view shows as `null` is left out of
@@ -22,7 +22,8 @@ pub(super) fn view_schema<V: JsonSchema>() -> Value {
     schema
 }
 
-/// The JSON Schema of `foxglove.Log`.
+/// The JSON Schema of `foxglove.Log`, as Foxglove publishes it, but for two fields that may be left out (`message_id`,
+/// `lineage`) and the levels, which are alternatives there.
 pub(super) fn log_schema() -> Value {
     json!({
         "$schema": "https://json-schema.org/draft/2020-12/schema",
@@ -30,14 +31,7 @@ pub(super) fn log_schema() -> Value {
         "description": "A log message",
         "type": "object",
         "properties": {
-            "timestamp": {
-                "type": "object",
-                "title": "time",
-                "properties": {
-                    "sec": { "type": "integer", "minimum": 0 },
-                    "nsec": { "type": "integer", "minimum": 0, "maximum": 999_999_999 },
-                },
-            },
+            "timestamp": time_schema("Timestamp of log message"),
             "level": {
                 "type": "integer",
                 "enum": [0, 1, 2, 3, 4, 5],
@@ -47,6 +41,50 @@ pub(super) fn log_schema() -> Value {
             "name": { "type": "string", "description": "Process or node name" },
             "file": { "type": "string", "description": "Filename" },
             "line": { "type": "integer", "minimum": 0, "description": "Line number in the file" },
+        },
+        "required": ["timestamp", "level", "message", "name", "file", "line"],
+    })
+}
+
+/// The JSON Schema of `foxglove.JointStates`, as Foxglove publishes it. Accelerations and efforts are never written.
+pub(super) fn joint_states_schema() -> Value {
+    json!({
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "foxglove.JointStates",
+        "description": "The state of a set of joints at a given time.",
+        "type": "object",
+        "properties": {
+            "timestamp": time_schema("Timestamp of the joint states"),
+            "joints": {
+                "type": "array",
+                "description": "Joint states",
+                "items": {
+                    "title": "foxglove.JointState",
+                    "description": "The state of a single joint (revolute or prismatic).",
+                    "type": "object",
+                    "properties": {
+                        "name": { "type": "string", "description": "Joint name" },
+                        "position": { "type": "number", "description": "Radians of the motor's shaft from the origin" },
+                        "velocity": { "type": "number", "description": "Rad/s, negative towards the origin" },
+                        "acceleration": { "type": "number", "description": "Rad/s²" },
+                        "effort": { "type": "number", "description": "Nm" },
+                    },
+                    "required": ["name"],
+                },
+            },
+        },
+        "required": ["timestamp", "joints"],
+    })
+}
+
+fn time_schema(description: &str) -> Value {
+    json!({
+        "type": "object",
+        "title": "time",
+        "description": description,
+        "properties": {
+            "sec": { "type": "integer", "minimum": 0 },
+            "nsec": { "type": "integer", "minimum": 0, "maximum": 999_999_999 },
         },
     })
 }

@@ -14,17 +14,16 @@ use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use supersigma_protocol::bus::Lane;
-use supersigma_protocol::{About, Body, CardKind, Frame, FrameError, Report, Sender, Sequence, Tick, Ticks};
+use supersigma_protocol::{About, Body, Frame, FrameError, Sender, Sequence, Tick, Ticks};
 
 use super::LogError;
-use super::events::{Event, Watch};
+use super::events::Event;
 use super::header::{LogHeader, Timeline, WallTime};
 use super::order::HoldBack;
 use super::part::{Part, PartPlace};
 use super::rotation::{Rotation, part_path};
-use super::schema::{twin, twin_into};
 use super::senders::{Gap, Senders};
-use super::view::FrameView;
+use super::told::{Message, Seen, Teller, event_message};
 
 /// The real time for which frames are held back, if `flush` leaves room for it.
 const HOLD_BACK: Duration = Duration::from_millis(20);
@@ -77,9 +76,9 @@ pub struct LogWriter {
     /// Frames since the last flush.
     unflushed: u32,
     last_time: WallTime,
-    watch: Watch,
-    /// The twin that is being written.
-    message: Vec<u8>,
+    teller: Teller,
+    /// Events of the daemon that are held back, with their places in time.
+    notices: VecDeque<(Tick, Event)>,
     counts: LogSummary,
     /// What the files hold that cannot be lost any more.
     saved: LogSummary,
@@ -150,14 +149,14 @@ impl LogWriter {
             hold,
             flush_age: scale.ticks(quarter * 3),
             poll: POLL.min(quarter).max(Duration::from_millis(1)),
+            teller: Teller::new(&header),
             header,
             senders: Senders::default(),
             held_commands: VecDeque::new(),
             oldest: None,
             unflushed: 0,
             last_time: epoch,
-            watch: Watch::default(),
-            message: Vec::new(),
+            notices: VecDeque::new(),
             saved: counts.clone(),
             counts,
             earlier_bytes: 0,
@@ -231,6 +230,14 @@ impl LogWriter {
         gap
     }
 
+    /// Takes an event of the daemon that happened at tick `at`.
+    pub fn note(&mut self, at: Tick, event: Event, now: Tick) {
+        // One process says them all, so that they keep their order; its clock is this one.
+        let at = self.notices.back().map_or(at, |(last, _)| at.max(*last)).min(now);
+        self.oldest.get_or_insert(now);
+        self.notices.push_back((at, event));
+    }
+
     /// Writes what has been held back long enough, flushes what is due, and goes on in another file when it is time.
     ///
     /// # Errors
@@ -243,6 +250,7 @@ impl LogWriter {
                 self.flush(now)?;
             }
         }
+        self.write_notices(Tick(now.0.saturating_sub(self.hold.0)))?;
         if self.oldest.is_some_and(|oldest| now.since(oldest) >= self.flush_age) {
             self.flush(now)?;
         }
@@ -257,6 +265,10 @@ impl LogWriter {
         while let Some((at, noted)) = self.order.pop() {
             self.write(at, &noted)?;
         }
+        self.write_notices(Tick(u64::MAX))?;
+        if let Some(message) = self.teller.rest() {
+            self.tell(&message, self.last_time, self.last_time)?;
+        }
         let Self { part, settling, mut counts, earlier_bytes, .. } = self;
         let path = part.path().to_owned();
         let (bytes, file) = part.finish()?;
@@ -270,7 +282,8 @@ impl LogWriter {
     fn flush(&mut self, now: Tick) -> Result<(), LogError> {
         self.part.flush()?;
         self.unflushed = 0;
-        self.oldest = self.order.iter().map(|noted| noted.recorded).min();
+        let notices = self.notices.iter().map(|(at, _)| *at);
+        self.oldest = self.order.iter().map(|noted| noted.recorded).chain(notices).min();
         self.save();
         let age = self.header.timeline.scale.real(now.since(self.part.began.min(now)));
         // A full disk has no room for another file either.
@@ -346,38 +359,37 @@ impl LogWriter {
             self.held_commands.pop_front();
         }
         self.count(frame.as_ref().ok(), *gap);
-        let timeline = self.header.timeline;
-        let time = timeline.wall(at).max(self.last_time);
-        self.last_time = time;
-        let published = timeline.wall(frame.as_ref().map_or(at, |frame| frame.tick));
+        self.write_notices(at)?;
+        let time = self.time_of(at);
+        let published = self.header.timeline.wall(frame.as_ref().map_or(at, |frame| frame.tick));
         self.part.put(self.part.channels().microbus(*lane), None, time, published, bytes)?;
+        let mut told = Vec::new();
+        let seen = Seen { bytes, frame: frame.as_ref(), gap: *gap, time };
+        self.teller.of(seen, &mut |message| told.push(message));
+        told.into_iter().try_for_each(|message| self.tell(&message, time, published))
+    }
 
-        let names = &self.header.names;
-        let mut events: Vec<Event> = gap.map(|gap| Event::gap(gap, names)).into_iter().collect();
-        match frame {
-            Ok(frame) => {
-                events.extend(self.watch.events(frame, names));
-                match twin_channel(&mut self.part, frame, &self.header)? {
-                    Some(channel) => {
-                        let message = &mut self.message;
-                        message.clear();
-                        match FrameView::new(bytes, Ok(frame), names) {
-                            FrameView::Command(view) => twin_into(&view, message),
-                            FrameView::Answer(view) => twin_into(&view, message),
-                            FrameView::Undecodable(view) => twin_into(&view, message),
-                        }
-                        self.part.put(channel, Some(frame.sequence.0), time, published, message)?;
-                    }
-                    None => events.push(Event::stranger(frame)),
-                }
-            }
-            Err(error) => events.push(Event::undecodable(bytes, error)),
-        }
-        for event in &events {
-            let channel = self.part.channels().events();
-            self.part.put(channel, None, time, published, &twin(&event.at(time)))?;
+    /// Writes the daemon's events up to a place in time.
+    fn write_notices(&mut self, until: Tick) -> Result<(), LogError> {
+        while self.notices.front().is_some_and(|(at, _)| *at <= until)
+            && let Some((at, event)) = self.notices.pop_front()
+        {
+            let (time, published) = (self.time_of(at), self.header.timeline.wall(at));
+            self.tell(&event_message(&event, published), time, published)?;
         }
         Ok(())
+    }
+
+    /// The log time of a place in time: it never falls.
+    fn time_of(&mut self, at: Tick) -> WallTime {
+        self.last_time = self.header.timeline.wall(at).max(self.last_time);
+        self.last_time
+    }
+
+    fn tell(&mut self, message: &Message, time: WallTime, published: WallTime) -> Result<(), LogError> {
+        let Message { topic, number, time: own, data } = message;
+        let channel = self.part.topic(*topic, &self.header)?;
+        self.part.put(channel, number.map(|number| number.0), time, own.unwrap_or(published), data)
     }
 
     fn count(&mut self, frame: Option<&Frame>, gap: Option<Gap>) {
@@ -392,18 +404,6 @@ impl LogWriter {
             self.counts.gaps += 1;
             self.counts.lost = self.counts.lost.saturating_add(gap.lost());
         }
-    }
-}
-
-/// The channel for the twin of a frame; `None` for a motor's state under an address that is no axis'.
-fn twin_channel(part: &mut Part, frame: &Frame, header: &LogHeader) -> Result<Option<u16>, LogError> {
-    let Body::Answer(answer) = &frame.body else {
-        return Ok(Some(part.channels().command()));
-    };
-    match (answer.report, answer.card.kind()) {
-        (Report::Digital(_), _) => Ok(Some(part.channels().digital())),
-        (Report::Axis(_), CardKind::Axis(axis)) => part.axis(axis, header).map(Some),
-        (Report::Axis(_), _) => Ok(None),
     }
 }
 

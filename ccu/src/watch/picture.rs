@@ -87,7 +87,7 @@ impl Picture {
         let before = self.set.as_ref().and_then(|set| set.recorder.trouble.as_ref());
         if let Some(trouble) = set.recorder.trouble.as_ref().filter(|trouble| before != Some(*trouble)) {
             let message = format!("{}; nothing moves without a log", trouble.reason);
-            self.event(Event { level: Level::Error, name: "recorder".to_owned(), message });
+            self.event(Event::new(Level::Error, "recorder".to_owned(), message));
         }
         self.set = Some(set.into());
         for state in &set.axes {
@@ -218,7 +218,7 @@ impl Picture {
             self.lost += lost;
             let message = format!("{lost} frames lost: number {} was due, {} came", due.0, frame.sequence.0);
             let name = sender_name(frame.sender, &self.names);
-            self.event(Event { level: Level::Error, name, message });
+            self.event(Event::new(Level::Error, name, message));
         }
     }
 

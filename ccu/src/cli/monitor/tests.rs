@@ -43,6 +43,7 @@ fn description(config: &Config) -> Description {
         config: config.to_toml(),
         time_scale: 20.0,
         log: LOG.into(),
+        foxglove: None,
         up_s: 3_725.4,
         axes: vec![],
         digital: vec![Address::DIGITAL_INPUT, Address::DIGITAL_OUTPUT],

@@ -135,3 +135,48 @@ fn a_motor_report_of_no_motor_has_no_twin() {
     assert_eq!(messages(&path).len(), 2);
     assert_eq!(events(&path)[0].2, "address 12 reports as a motor card, and is none");
 }
+
+#[test]
+fn what_the_daemon_says_stands_where_it_belongs() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("run.mcap");
+    let mut writer = writer(&path);
+    let event = |message: &str| crate::log::Event {
+        level: crate::log::Level::Info,
+        name: "ccu::daemon".to_owned(),
+        message: message.to_owned(),
+        file: "ccu/src/daemon/mod.rs".to_owned(),
+        line: 7,
+    };
+    let frame = answer(1, 0, 20 * MILLISECOND, HEARTBEAT);
+    writer.record(lane(&frame), &frame.encode(), frame.tick);
+    writer.note(Tick(10 * MILLISECOND), event("before the frame"), frame.tick);
+    writer.note(Tick(9 * MILLISECOND), event("in the order of saying"), frame.tick);
+    // Nothing comes from the bus, and it is on disk all the same.
+    let mut now = frame.tick;
+    for _ in 0..20 {
+        now = Tick(now.0 + 10 * MILLISECOND);
+        writer.advance(now).expect("the disk has room");
+    }
+    writer.note(Tick(now.0 - MILLISECOND), event("alone"), now);
+    for _ in 0..10 {
+        now = Tick(now.0 + 10 * MILLISECOND);
+        writer.advance(now).expect("the disk has room");
+    }
+    let on_disk = fs::metadata(&path).expect("there").len();
+    writer.note(now, event("last"), now);
+    writer.finish().expect("the disk has room");
+    assert!(fs::metadata(&path).expect("there").len() > on_disk);
+    let told = messages(&path);
+    let topics: Vec<&str> = told.iter().map(|message| message.topic.as_str()).collect();
+    let frame = ["/microbus", "/axis/left_x/status"];
+    let expected = [&["/events"; 2][..], &frame[..], &["/events"; 2][..]].concat();
+    assert_eq!(topics, expected);
+    let event = told[0].json();
+    assert_eq!(
+        (&event["level"], &event["file"], &event["line"]),
+        (&2.into(), &"ccu/src/daemon/mod.rs".into(), &7.into())
+    );
+    let words: Vec<String> = events(&path).into_iter().map(|(_, _, message)| message).collect();
+    assert_eq!(words, ["before the frame", "in the order of saying", "alone", "last"]);
+}

@@ -5,6 +5,7 @@ mod events;
 mod file;
 mod filter;
 mod info;
+mod joints;
 mod order;
 mod recorder;
 mod recover;
@@ -39,6 +40,7 @@ fn names() -> AxisNames {
 
 fn header() -> LogHeader {
     LogHeader {
+        version: LogHeader::VERSION.to_owned(),
         set: "test".to_owned(),
         names: names(),
         timeline: Timeline { epoch: EPOCH, scale: TimeScale::REAL },

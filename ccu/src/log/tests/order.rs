@@ -62,7 +62,10 @@ fn log(arrivals: &[Arrival]) -> (LogSummary, Vec<Frame>, Vec<WallTime>, Vec<Mess
     let summary = writer.finish().expect("the disk has room");
     let (frames, times) =
         read(&path).0.into_iter().map(|logged| (logged.frame.expect("a frame"), logged.log_time)).unzip();
-    (summary, frames, times, messages(&path))
+    // The moments of `/joint_states` are the axes' own.
+    let mut messages = messages(&path);
+    messages.retain(|message| message.topic != "/joint_states");
+    (summary, frames, times, messages)
 }
 
 fn plan(longest_delay: u64, slowest_clock: u64) -> impl Strategy<Value = Vec<Planned>> {

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc;
 
 use supersigma_protocol::bus::{BusError, Tap};
 
@@ -53,7 +54,8 @@ fn record(batches: Vec<Vec<Frame>>, stop_after: usize, broken: bool) -> Run {
     let script = Script { batches: batches.into(), stop: &stop, stop_after, looks: &looks, broken };
     let clock = || Tick(looks.load(Ordering::Relaxed) * 10 * MILLISECOND);
     let mut told = Vec::new();
-    let result = run(script, writer(&path), clock, &stop, |status| told.push(status.clone()));
+    let tell = |status: &RecorderStatus| told.push(status.clone());
+    let result = run(script, writer(&path), clock, &mpsc::channel().1, &stop, tell);
     let (logged, reader) = read(&path);
     Run { result, logged, truncated: reader.truncated(), looks: looks.into_inner(), told }
 }

@@ -8,7 +8,7 @@ use serde_json::Value;
 use supersigma_protocol::{Alarm, Command, Direction, Distance, End, Operation, SpeedIndex};
 
 use super::*;
-use crate::log::schema::{FRAME_TYPES, log_schema, twin, view_schema};
+use crate::log::schema::{FRAME_TYPES, joint_states_schema, log_schema, twin, view_schema};
 use crate::log::{AnswerView, AxisView, CommandView, DigitalView, FrameView};
 
 /// The dialect that viewers read: an object, and one type for each property, without references or alternatives.
@@ -22,6 +22,7 @@ fn check_dialect(schema: &Value, path: &str) {
         }
         match property["type"].as_str() {
             Some("object") => check_dialect(property, &path),
+            Some("array") => check_dialect(&property["items"], &path),
             Some("string" | "integer" | "number" | "boolean") => {}
             _ => panic!("{path} has type {}", property["type"]),
         }
@@ -70,6 +71,7 @@ fn viewers_can_read_the_schemas() {
     check_dialect(&view_schema::<AnswerView<AxisView>>(), "axis");
     check_dialect(&view_schema::<AnswerView<DigitalView>>(), "digital");
     check_dialect(&log_schema(), "log");
+    check_dialect(&joint_states_schema(), "joints");
     let words = view_schema::<AnswerView<AxisView>>()["properties"]["activity"]["enum"].clone();
     assert_eq!(words.as_array().map(Vec::len), Some(10), "{words}");
 }
