@@ -32,7 +32,6 @@ export function number(value) {
 
 /** Bytes in a handy unit. */
 export function bytes(count) {
-  if (count === null) return "–";
   const units = ["B", "kB", "MB", "GB", "TB"];
   let unit = 0;
   while (count >= 1000 && unit < units.length - 1) [count, unit] = [count / 1000, unit + 1];

@@ -17,10 +17,15 @@ export function showFacts(picture) {
   const lost = set.lost + picture.lost;
   write(byId("lost"), number(lost));
   mark(byId("lost"), "data-bad", lost > 0 ? "" : null);
-  write(byId("recorder"), set.recording ? "recording" : "NO LOG");
-  mark(byId("recorder"), "data-bad", set.recording ? null : "");
-  write(byId("log"), `${set.log.split("/").pop()}, ${bytes(set.log_bytes)}`);
-  mark(byId("log"), "title", set.log);
+  const restarts = set.processes.reduce((sum, { restarts: times }) => sum + times, 0);
+  write(byId("restarts"), number(restarts));
+  mark(byId("restarts"), "data-bad", restarts > 0 ? "" : null);
+  const { state, trouble, log, bytes: length } = set.recorder;
+  write(byId("recorder"), state === "recording" && trouble ? "NO LOG" : state.replaceAll("_", " "));
+  mark(byId("recorder"), "data-bad", state === "recording" && !trouble ? null : "");
+  mark(byId("recorder"), "title", trouble && `${trouble.reason}; nothing moves. ${trouble.advice}`);
+  write(byId("log"), `${log.split("/").pop()}, ${bytes(length)}`);
+  mark(byId("log"), "title", log);
 }
 
 /** The digital lines. With `order`, outputs are switches. */
