@@ -35,3 +35,7 @@ pictures:
 # Write the manual pages of all commands to target/man
 man:
     cargo run --release -- man target/man
+
+# Draw the pictures of the book anew: docs/src/generated/monitor.txt
+pictures:
+    docs/pictures

@@ -21,7 +21,7 @@ const MILLISECOND: u64 = Tick::PER_SECOND / 1_000;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let megabytes = std::env::args().find_map(|argument| argument.parse::<u64>().ok()).unwrap_or(1_000);
-    let folder = tempfile::tempdir_in(std::env::var_os("CARGO_TARGET_TMPDIR").unwrap_or_else(|| ".".into()))?;
+    let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR"))?;
     let path = folder.path().join("long.mcap");
     let names: AxisNames = AxisNumber::all().map(|axis| (axis, format!("axis_{}", axis.get()))).collect();
     let header = LogHeader {

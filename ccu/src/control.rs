@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 use supersigma_protocol::Address;
+use supersigma_protocol::bus::Lane;
 
 use crate::executive::{AxisState, Failure, LogTrouble, Operate, Outcome, Request};
 use crate::home::Home;
@@ -23,6 +24,8 @@ pub enum ToDaemon {
     DoOrWait(Request),
     /// What set are you?
     Describe,
+    /// Tell of every frame from now on, and once a second of the set; nothing else is asked on this connection any more.
+    Watch,
     /// Take the set down.
     Down,
 }
@@ -39,6 +42,76 @@ pub enum FromDaemon {
     Description(Box<Description>),
     /// The set is down.
     Down(DownReport),
+    /// What went by since the last time, for one who watches.
+    Overheard(Overheard),
+}
+
+/// Frames for a watcher, in the order in which the daemon heard and said them.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Overheard {
+    /// So many frames before these went by while the watcher did not read; the set has not lost them.
+    pub dropped: u64,
+    /// The frames.
+    pub frames: Vec<OverheardFrame>,
+}
+
+/// A frame's bytes.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum OverheardFrame {
+    /// From the CCU.
+    Command(Hex),
+    /// From a card.
+    Answer(Hex),
+}
+
+/// Bytes; in JSON hexadecimal digits, two a byte.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(into = "String", try_from = "String")]
+pub struct Hex(pub Vec<u8>);
+
+impl From<Hex> for String {
+    fn from(hex: Hex) -> Self {
+        const DIGITS: &[u8; 16] = b"0123456789abcdef";
+        hex.0
+            .iter()
+            .flat_map(|byte| [byte >> 4, byte & 15])
+            .map(|half| char::from(DIGITS[usize::from(half)]))
+            .collect()
+    }
+}
+
+impl TryFrom<String> for Hex {
+    type Error = String;
+    fn try_from(text: String) -> Result<Self, String> {
+        let digit = |byte: &u8| char::from(*byte).to_digit(16).and_then(|digit| u8::try_from(digit).ok());
+        let pairs = text.as_bytes().chunks(2).map(|pair| match pair {
+            [high, low] => Some(digit(high)? << 4 | digit(low)?),
+            _ => None,
+        });
+        pairs.collect::<Option<_>>().map(Self).ok_or_else(|| format!("{text:?} is not hexadecimal"))
+    }
+}
+
+impl From<(Lane, Arc<[u8]>)> for OverheardFrame {
+    fn from((lane, bytes): (Lane, Arc<[u8]>)) -> Self {
+        let bytes = Hex(bytes.to_vec());
+        match lane {
+            Lane::Commands => Self::Command(bytes),
+            Lane::Answers => Self::Answer(bytes),
+        }
+    }
+}
+
+impl OverheardFrame {
+    /// Which way it went, and its bytes.
+    #[must_use]
+    pub fn bytes(&self) -> (Lane, &[u8]) {
+        match self {
+            Self::Command(bytes) => (Lane::Commands, &bytes.0),
+            Self::Answer(bytes) => (Lane::Answers, &bytes.0),
+        }
+    }
 }
 
 /// A set, as its daemon sees it.
@@ -63,6 +136,10 @@ pub struct Description {
     pub axes: Vec<AxisState>,
     /// Digital cards that somebody plays.
     pub digital: Vec<Address>,
+    /// The digital inputs, as their card said last: bit n is line n.
+    pub inputs: Option<u16>,
+    /// The digital outputs, as their card said last; it says nothing before it is asked.
+    pub outputs: Option<u16>,
     /// Frames on the bus so far.
     pub frames: u64,
     /// Frames that were lost.
@@ -218,6 +295,27 @@ impl Client {
         }
     }
 
+    /// From now on only what goes by, see [`Client::news`].
+    ///
+    /// # Errors
+    /// If the daemon is gone.
+    pub fn watch(&mut self) -> Result<(), Failure> {
+        self.tell(&ToDaemon::Watch)
+    }
+
+    /// What the daemon tells next; waits for it.
+    ///
+    /// # Errors
+    /// If the daemon is gone, as when its set has been taken down.
+    pub fn news(&mut self) -> Result<FromDaemon, Failure> {
+        let mut line = String::new();
+        match self.stream.read_line(&mut line) {
+            Ok(0) => Err(gone(&format!("the daemon of set {} has hung up", self.name))),
+            Ok(_) => serde_json::from_str(&line).map_err(|error| gone(&error)),
+            Err(error) => Err(gone(&error)),
+        }
+    }
+
     /// What ends the request under way from another thread: the daemon then halts what it moves.
     ///
     /// # Errors
@@ -231,16 +329,14 @@ impl Client {
     }
 
     fn ask(&mut self, message: &ToDaemon) -> Result<FromDaemon, Failure> {
-        let gone = |error: &dyn std::fmt::Display| Failure::Control { reason: error.to_string() };
+        self.tell(message)?;
+        self.news()
+    }
+
+    fn tell(&mut self, message: &ToDaemon) -> Result<(), Failure> {
         let mut line = serde_json::to_string(message).map_err(|error| gone(&error))?;
         line.push('\n');
-        self.stream.get_mut().write_all(line.as_bytes()).map_err(|error| gone(&error))?;
-        line.clear();
-        match self.stream.read_line(&mut line) {
-            Ok(0) => Err(gone(&format!("the daemon of set {} has hung up", self.name))),
-            Ok(_) => serde_json::from_str(&line).map_err(|error| gone(&error)),
-            Err(error) => Err(gone(&error)),
-        }
+        self.stream.get_mut().write_all(line.as_bytes()).map_err(|error| gone(&error))
     }
 }
 
@@ -255,6 +351,28 @@ impl Operate for Client {
     }
 }
 
+fn gone(error: &dyn std::fmt::Display) -> Failure {
+    Failure::Control { reason: error.to_string() }
+}
+
 fn unexpected(message: &FromDaemon) -> Failure {
     Failure::Control { reason: format!("an answer to something else: {message:?}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_watcher_reads_frames_as_hexadecimal_digits() {
+        let frames =
+            vec![OverheardFrame::Command(Hex(vec![0x01, 0xA5])), OverheardFrame::Answer(Hex(vec![]))];
+        let overheard = FromDaemon::Overheard(Overheard { dropped: 3, frames });
+        let text = r#"{"overheard":{"dropped":3,"frames":[{"command":"01a5"},{"answer":""}]}}"#;
+        assert_eq!(serde_json::to_string(&overheard).expect("plain data"), text);
+        assert_eq!(serde_json::from_str::<FromDaemon>(text).expect("as written"), overheard);
+        for wrong in ["1", "+1", "0x", "äö"] {
+            assert!(Hex::try_from(wrong.to_owned()).is_err(), "{wrong}");
+        }
+    }
 }

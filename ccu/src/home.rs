@@ -209,14 +209,21 @@ impl Drop for Occupied {
 /// # Errors
 /// If the folder cannot be made.
 pub fn default_log(name: &SetName, now: jiff::Timestamp) -> Result<PathBuf, HomeError> {
+    let file = format!("{name}-{}.mcap", now.strftime("%Y%m%dT%H%M%S.%3fZ"));
+    Ok(state_folder()?.map_or_else(|| file.clone().into(), |folder| folder.join(&file)))
+}
+
+/// Where things go that outlive a set: `$XDG_STATE_HOME/supersigma`, or `~/.local/state/supersigma`; `None` if the user has
+/// no home.
+///
+/// # Errors
+/// If the folder cannot be made.
+pub fn state_folder() -> Result<Option<PathBuf>, HomeError> {
     let absolute = |var: &str| std::env::var_os(var).map(PathBuf::from).filter(|dir| dir.is_absolute());
     let state = absolute("XDG_STATE_HOME").or_else(|| absolute("HOME").map(|home| home.join(".local/state")));
-    let file = format!("{name}-{}.mcap", now.strftime("%Y%m%dT%H%M%S.%3fZ"));
-    let Some(folder) = state.map(|state| state.join("supersigma")) else {
-        return Ok(file.into());
-    };
+    let Some(folder) = state.map(|state| state.join("supersigma")) else { return Ok(None) };
     private_folder(&folder)?;
-    Ok(folder.join(file))
+    Ok(Some(folder))
 }
 
 /// Where all sets of ours live.

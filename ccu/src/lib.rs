@@ -11,3 +11,4 @@ pub mod notices;
 pub mod plot;
 pub mod profile;
 pub mod script;
+pub mod watch;

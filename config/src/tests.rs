@@ -202,7 +202,7 @@ proptest! {
         let mut set = Config::default_set();
         set.ramp = RampConfig { amplitude: ramp.0, offset: ramp.1, ..set.ramp };
         set.ramp.short_moves = if ramp.2 { ShortMoves::Paper } else { ShortMoves::Optimal };
-        set.supervision = SupervisionConfig { heartbeat_ms, silent_ms: 2 * heartbeat_ms + 1 };
+        set.supervision = SupervisionConfig { heartbeat_ms, silent_ms: 2 * heartbeat_ms + 1, restart: true };
         set.axes = axes;
         for (axis, number) in set.axes.iter_mut().zip(AxisNumber::all()) {
             axis.address = number;

@@ -89,7 +89,7 @@ fn a_worker_that_keeps_ending_is_started_less_and_less_often() {
     assert!(cell.ccu("input").good().stdout.contains("gripper"));
     let table = cell.ccu("ps").good();
     assert_eq!(table.stdout.lines().count(), 11, "titles, CCU, recorder, eight workers: {table}");
-    cell.down();
+    let _ = cell.down();
 }
 
 #[test]
@@ -128,7 +128,7 @@ fn without_restarts_who_is_gone_stays_gone() {
     eventually("left_y is gone", || Some(process(&cell, "left_y")).filter(|row| row["state"] == "ended"));
     cell.ccu("kill-worker left_y").fails(1, &["the worker of left_y has no process just now"]);
     cell.ccu("kill-worker left_q").fails(2, &["no axis \"left_q\"", "left_y"]);
-    cell.down();
+    let _ = cell.down();
 }
 
 /// The real time from the blow to the brake command, both by the wall clock, for the best of a few tries.
@@ -157,7 +157,7 @@ fn until_the_brake(signal: Signal, victim: fn(&Cell) -> Process) -> Duration {
     let braked = |axis: &Value| axis["alarm"]["cause"] == "braked";
     cell.until("left_x", "has braked", braked);
     hit.signal(Signal::CONT);
-    cell.ccu("down").good();
+    cell.ccu("down").done();
     let frames = cell.frames(&up.log);
     let brake = frames.iter().find(|frame| frame["operation"] == "Brake").expect("the brake command");
     let tick = brake["tick"].as_u64().expect("a tick");
@@ -183,7 +183,7 @@ fn a_set_is_up_within_half_a_second() {
         let begun = Instant::now();
         let _up = cell.up("1");
         let up = begun.elapsed();
-        cell.ccu("down").good();
+        cell.ccu("down").done();
         up
     });
     assert!(up < Duration::from_millis(500), "{up:?}");

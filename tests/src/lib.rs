@@ -13,6 +13,7 @@ mod cell;
 mod config;
 mod process;
 mod ran;
+mod terminal;
 
 use std::thread;
 use std::time::{Duration, Instant};
@@ -22,6 +23,7 @@ pub use config::{changed, patient};
 pub use process::{Process, Running};
 pub use ran::Ran;
 pub use rustix::process::Signal;
+pub use terminal::Terminal;
 
 /// What only a broken set exceeds.
 pub const LIMIT: Duration = Duration::from_secs(60);

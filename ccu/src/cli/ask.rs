@@ -1,23 +1,23 @@
 //! Commands that ask a set which is up: over its control socket, one request each.
 
 use std::io::{self, BufWriter, Write};
-use std::thread;
-use std::time::Duration;
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::time::{Duration, Instant};
 
 use clap::{Args, ValueEnum};
 use miette::miette;
+use supersigma_config::Config;
 use supersigma_protocol::{AxisNumber, Distance, Refusal};
 
 use super::asked::Asked;
 use super::exit::Exit;
-use super::{SetArgs, show};
-use crate::control::{Description, RecorderState, RecorderView};
-use crate::executive::{Displacement, Failure, Outcome, Request};
+use super::show::Pictures;
+use super::{SetArgs, set, show};
+use crate::control::Description;
+use crate::executive::{AxisState, Displacement, Failure, Outcome, Request};
 
 /// How often `status --watch` looks.
 const WATCH: Duration = Duration::from_millis(250);
-/// A recorder that is further behind the bus than this is worth a word.
-const BEHIND_MS: u64 = 200;
 
 #[derive(Args)]
 pub(super) struct MoveArgs {
@@ -228,61 +228,61 @@ fn tell(args: &AxesArgs, request: impl Fn(Vec<AxisNumber>) -> Request) -> Result
 pub(super) fn status(args: &StatusArgs) -> Result<(), Exit> {
     let mut asked = Asked::connect(&args.set)?;
     let axes = asked.axes(&args.axes)?;
+    if args.watch {
+        return watch(&mut asked, &axes, args.json);
+    }
+    let states = asked.axis_states(Request::Status { axes })?;
+    let mut out = BufWriter::new(io::stdout().lock());
+    tell_states(&states, &asked.config, args.json, &mut out)?;
+    if args.axes.is_empty() {
+        tell_set(&asked.client_description()?, None, args.json, &mut out)?;
+    }
+    Ok(out.flush()?)
+}
+
+/// Again and again what the cards have said last; nobody asks them for it.
+fn watch(asked: &mut Asked, axes: &[AxisNumber], json: bool) -> Result<(), Exit> {
+    let (over, until) = mpsc::channel();
+    let runtime = set::runtime()?;
+    let _guard = runtime.enter();
+    let asked_to_end = set::asked_to_end()?;
+    runtime.spawn(async move {
+        asked_to_end.await;
+        let _ = over.send(());
+    });
+    let mut pictures = Pictures::new(!json);
+    let mut before: Option<(Instant, u64)> = None;
     loop {
-        let states = asked.axis_states(Request::Status { axes: axes.clone() })?;
-        let mut out = BufWriter::new(io::stdout().lock());
-        if args.json {
-            for state in &states {
-                show::print_json(&show::AxisView::new(state, &asked.config), &mut out)?;
-            }
-            if args.axes.is_empty() {
-                let recorder = asked.client_description()?.recorder;
-                show::print_json(&serde_json::json!({ "recorder": recorder }), &mut out)?;
-            }
-        } else {
-            if args.watch {
-                show::redraw(&mut out)?;
-            }
-            show::axes(&states, &asked.config, &mut out)?;
-            if args.axes.is_empty() {
-                set_line(&asked.client_description()?, &mut out)?;
-            }
+        let set = asked.client_description()?;
+        let now = Instant::now();
+        let rate =
+            before.map(|(then, frames)| show::per_second(set.frames.saturating_sub(frames), now - then));
+        before = Some((now, set.frames));
+        let chosen = |state: &&AxisState| axes.is_empty() || axes.contains(&state.axis);
+        let states: Vec<AxisState> = set.axes.iter().filter(chosen).copied().collect();
+        let mut picture = Vec::new();
+        tell_states(&states, &asked.config, json, &mut picture)?;
+        if axes.is_empty() {
+            tell_set(&set, rate, json, &mut picture)?;
         }
-        out.flush()?;
-        drop(out);
-        if !args.watch {
-            return Ok(());
+        pictures.show(&picture)?;
+        match until.recv_timeout(WATCH) {
+            Err(RecvTimeoutError::Timeout) => {}
+            Ok(()) | Err(RecvTimeoutError::Disconnected) => return Ok(()),
         }
-        thread::sleep(WATCH);
     }
 }
 
-fn set_line(set: &Description, out: &mut dyn Write) -> io::Result<()> {
-    writeln!(
-        out,
-        "\nset {}: up {:.0} s, time scale {}, {} frames, {} lost",
-        set.name, set.up_s, set.time_scale, set.frames, set.lost,
-    )?;
-    let RecorderView { state, log, parts, frames, lost, bytes, behind_ms, trouble } = &set.recorder;
-    let what = match (state, trouble) {
-        (RecorderState::Recording, None) => "log",
-        (RecorderState::DiskFull, _) => "DISK FULL, NO LOG ANY MORE, was",
-        (RecorderState::Recording | RecorderState::Stopped, _) => "NO LOG ANY MORE, was",
-    };
-    write!(out, "{what} {}", log.display())?;
-    if parts.len() > 1 {
-        write!(out, ", file {} of it", parts.len())?;
+fn tell_states(states: &[AxisState], config: &Config, json: bool, out: &mut dyn Write) -> io::Result<()> {
+    if !json {
+        return show::axes(states, config, out);
     }
-    write!(out, ": {frames} frames, {}", show::size(*bytes))?;
-    if *lost > 0 {
-        write!(out, ", {lost} FRAMES ARE MISSING")?;
+    states.iter().try_for_each(|state| show::print_json(&show::AxisView::new(state, config), out))
+}
+
+fn tell_set(set: &Description, rate: Option<f64>, json: bool, out: &mut dyn Write) -> io::Result<()> {
+    if json {
+        return show::print_json(&serde_json::json!({ "recorder": set.recorder }), out);
     }
-    if *behind_ms > BEHIND_MS {
-        write!(out, ", {behind_ms} ms behind")?;
-    }
-    writeln!(out)?;
-    match trouble {
-        Some(trouble) => writeln!(out, "{}; nothing moves without a log\n{}", trouble.reason, trouble.advice),
-        None => Ok(()),
-    }
+    show::set(set, rate, out)
 }

@@ -3,14 +3,19 @@
 
 mod ask;
 mod asked;
+mod check;
 mod config;
 mod exit;
 mod logs;
+mod monitor;
 mod panel;
 mod paper;
 mod plot;
 mod profile;
+mod progress;
 mod ps;
+mod rehearsal;
+mod repl;
 mod run;
 mod service;
 mod set;
@@ -72,10 +77,33 @@ Examples:
 Examples:
   ccu run examples/assembly.rhai
   ccu run -e 'origin(\"wrist\"); move_by(\"wrist\", 400)'
+  ccu run examples/together.rhai --set rounds=5
   ccu run --foxglove 8765 examples/assembly.rhai
   ccu run --dry-run --pulses pulses.csv examples/assembly.rhai
   echo 'print(position(1))' | ccu run -")]
     Run(run::RunArgs),
+    /// Look for everything that is wrong with a program; nothing moves, and no set is needed
+    #[command(after_help = "\
+Every call in the text is looked at, then the program is rehearsed on a dry set just switched on.
+
+Examples:
+  ccu check examples/assembly.rhai
+  ccu check weld.rhai --config cell-2.toml --set laps=5
+  ccu check weld.rhai --originated    for a set whose axes have been originated
+  ccu check weld.rhai --json
+
+Exit codes: 0 nothing is wrong, 2 something is.")]
+    Check(check::CheckArgs),
+    /// Talk to a set in the language of robot programs, a line at a time
+    #[command(after_help = "\
+Tab completes functions, variables, and the names of axes, inputs and outputs. A text with open brackets
+goes on in the next line. Ctrl-C halts what moves, Ctrl-D leaves.
+
+Examples:
+  ccu repl                            on the set that is up
+  ccu repl --dry-run                  on a dry set, in virtual time
+  echo 'origin(); position(1)' | ccu repl --dry-run")]
+    Repl(repl::ReplArgs),
     /// Move one axis by so many steps
     #[command(
         allow_negative_numbers = true,
@@ -118,6 +146,13 @@ Examples:
     /// What the axes are doing
     #[command(after_help = "Examples:\n  ccu status\n  ccu status left_x --json\n  ccu status --watch")]
     Status(ask::StatusArgs),
+    /// A dashboard: rails, speeds, lamps, frames and events as they happen, and keys that halt and brake
+    #[command(after_help = "\
+Examples:
+  ccu monitor                         the keys are shown with `?`; `q` quits
+  ccu monitor --name cell-2
+  ccu monitor --once --size 120x40    one picture as text, for a file or a message")]
+    Monitor(monitor::MonitorArgs),
     /// Show the digital inputs, or one of them
     #[command(after_help = "Examples:\n  ccu input\n  ccu input guard_closed\n  ccu input --json")]
     Input(panel::InputArgs),
@@ -291,6 +326,8 @@ impl Command {
             Self::Up(args) => set::up(&args),
             Self::Down(args) => set::down(&args),
             Self::Run(args) => run::run(&args),
+            Self::Check(args) => check::check(&args),
+            Self::Repl(args) => repl::repl(&args),
             Self::Move(args) => ask::movement(&args),
             Self::Line(args) => ask::line(&args),
             Self::Jog(args) => ask::jog(&args),
@@ -301,6 +338,7 @@ impl Command {
             Self::Brake(args) => ask::brake(&args),
             Self::Clear(args) => ask::clear(&args),
             Self::Status(args) => ask::status(&args),
+            Self::Monitor(args) => monitor::monitor(&args),
             Self::Input(args) => panel::input(&args),
             Self::Output(args) => panel::output(&args),
             Self::Send(args) => panel::send(&args),

@@ -6,11 +6,10 @@
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, IsTerminal, Read, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError, mpsc};
-use std::thread;
-use std::time::{Duration, Instant};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
 
 use clap::Args;
 use miette::{IntoDiagnostic, WrapErr, miette};
@@ -18,6 +17,8 @@ use supersigma_protocol::Ticks;
 
 use super::asked::Asked;
 use super::exit::Exit;
+use super::progress::{Expected, Progress};
+use super::rehearsal::{Rehearsal, rehearse};
 use super::{SetArgs, StartArgs, set, show, timing};
 use crate::control::{Client, DownReport};
 use crate::daemon::{Daemon, Options};
@@ -25,11 +26,7 @@ use crate::dry::{DryError, DrySet, NoPulses, PulseCsv, PulseWriter};
 use crate::executive::{Executive, Failure, Knowledge, Movement};
 use crate::home::Home;
 use crate::log::{AxisNames, LogError, LogHeader, Timeline, WallTime};
-use crate::script::{Limits, Program, ScriptError, Watcher};
-
-/// How long a rehearsal may take, in real time, and how many operations of the language.
-const REHEARSAL: Duration = Duration::from_secs(2);
-const REHEARSED_OPERATIONS: u64 = 5_000_000;
+use crate::script::{Limits, Program, Settings, Watcher};
 
 #[derive(Args)]
 pub(super) struct RunArgs {
@@ -49,6 +46,8 @@ pub(super) struct RunArgs {
     /// Write every pulse of a dry run: tick,axis,position
     #[arg(long, value_name = "FILE", requires = "dry_run")]
     pulses: Option<PathBuf>,
+    #[command(flatten)]
+    parameters: ParameterArgs,
     /// Draw a dry run, movements and digital lines as bars: .svg or .png
     #[arg(long, value_name = "FILE", requires = "dry_run")]
     plot: Option<PathBuf>,
@@ -57,10 +56,33 @@ pub(super) struct RunArgs {
     json: bool,
 }
 
+/// What the parameters of a program are set to.
+#[derive(Args)]
+pub(super) struct ParameterArgs {
+    /// Set a parameter of the program, which it has with `param("NAME", DEFAULT)`
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = setting)]
+    settings: Vec<(String, String)>,
+}
+
+impl ParameterArgs {
+    /// All of them; of two values for one name the last counts.
+    pub(super) fn settings(&self) -> Settings {
+        self.settings.iter().cloned().collect()
+    }
+}
+
+fn setting(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((name, value)) if !name.is_empty() => Ok((name.to_owned(), value.to_owned())),
+        _ => Err("it is a name and a value, as in laps=3".into()),
+    }
+}
+
 pub(super) fn run(args: &RunArgs) -> Result<(), Exit> {
-    let (name, source) = source(args)?;
-    let program =
-        Program::compile(&name, &source).map_err(|error| Exit::with_code(error.exit_code(), error))?;
+    let (name, source) = source(args.text.as_deref(), args.script.as_deref())?;
+    let program = Program::compile(&name, &source)
+        .and_then(|program| program.with(args.parameters.settings()))
+        .map_err(|error| Exit::with_code(error.exit_code(), error))?;
     if args.dry_run {
         return dry_run(args, &program, source);
     }
@@ -72,13 +94,14 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Exit> {
     }
 }
 
-fn source(args: &RunArgs) -> Result<(String, String), Exit> {
+/// What a program is called, and its text.
+pub(super) fn source(text: Option<&str>, script: Option<&Path>) -> Result<(String, String), Exit> {
     let read = |text: io::Result<String>, name: String| {
         let text = text.into_diagnostic().wrap_err_with(|| format!("cannot read the program {name}"));
         text.map(|text| (name, text)).map_err(Exit::wrong)
     };
-    match (&args.text, &args.script) {
-        (Some(text), _) => Ok(("-e".into(), text.clone())),
+    match (text, script) {
+        (Some(text), _) => Ok(("-e".into(), text.to_owned())),
         (None, Some(path)) if path.as_os_str() == "-" => {
             let mut text = String::new();
             read(io::stdin().read_to_string(&mut text).map(|_| text), "standard input".into())
@@ -172,10 +195,8 @@ fn on_a_set_that_is_up(args: &RunArgs, program: &Program) -> Result<(), Exit> {
     let knowledge = Arc::clone(&asked.knowledge);
     let failed = |error| Exit::of_program(error, &knowledge);
     // The state of the set is not known here, so only what is wrong with the program itself counts.
-    rehearse(program, &knowledge)?
-        .filter(|error| !error.is_robots_fault())
-        .map_or(Ok(()), Err)
-        .map_err(failed)?;
+    let Rehearsal { failure, expected } = rehearse(program, &knowledge, false)?;
+    failure.filter(|error| !error.is_robots_fault()).map_or(Ok(()), Err).map_err(failed)?;
     let stop = Arc::new(AtomicBool::new(false));
     let hang_up = asked.client.hang_up()?;
     let runtime = set::runtime()?;
@@ -187,11 +208,13 @@ fn on_a_set_that_is_up(args: &RunArgs, program: &Program) -> Result<(), Exit> {
         flag.store(true, Ordering::Release);
         hang_up();
     });
-    let teller = Teller::new(args.json, &knowledge);
-    let (totals, began) = (teller.totals(), Instant::now());
+    let teller = Teller::new(args.json, &knowledge).with_progress(expected, scale);
+    let (totals, progress, began) = (teller.totals(), teller.progress(), Instant::now());
     let client = Arc::new(Mutex::new(asked.client.of_a_program()));
     let limits = Limits { operations: None, stop };
-    program.run(client, Arc::clone(&knowledge), teller, &limits).map_err(failed)?;
+    let result = program.run(client, Arc::clone(&knowledge), teller, &limits);
+    progress.end();
+    result.map_err(failed)?;
     tell_summary(args.json, &totals, machine_time(began, scale), None)
 }
 
@@ -201,13 +224,12 @@ fn on_a_set_of_its_own(args: &RunArgs, home: &Home, program: &Program, source: S
     // The set will be just switched on, as the rehearsed one: what the robot refuses there, it will refuse here.
     let known = Arc::clone(&knowledge);
     let failed = |error| Exit::of_program(error, &known);
-    rehearse(program, &knowledge)?.map_or(Ok(()), Err).map_err(failed)?;
+    let Rehearsal { failure, expected } = rehearse(program, &knowledge, false)?;
+    failure.map_or(Ok(()), Err).map_err(failed)?;
     let log = set::log_path(args.start.log.as_ref(), &args.set.name)?;
     let scale = args.start.time_scale;
     let foxglove = args.start.foxglove;
     let options = Options { home: home.clone(), config, scale, log, script: Some(source), foxglove };
-    let teller = Teller::new(args.json, &knowledge);
-    let totals = teller.totals();
     let stop = Arc::new(AtomicBool::new(false));
     set::runtime()?.block_on(async {
         let asked_to_end = set::asked_to_end()?;
@@ -220,6 +242,8 @@ fn on_a_set_of_its_own(args: &RunArgs, home: &Home, program: &Program, source: S
             let _ = set::say_view(daemon.foxglove(), &mut io::stderr());
         }
         let began = Instant::now();
+        let teller = Teller::new(args.json, &knowledge).with_progress(expected, scale.get());
+        let (totals, progress) = (teller.totals(), teller.progress());
         let client = Client::connect(home)?.of_a_program();
         let hang_up = client.hang_up()?;
         let (wanted_down, closer, flag) = (daemon.wanted_down(), daemon.closer(), Arc::clone(&stop));
@@ -234,7 +258,9 @@ fn on_a_set_of_its_own(args: &RunArgs, home: &Home, program: &Program, source: S
         let running = tokio::task::spawn_blocking(move || {
             program.run(Arc::new(Mutex::new(client)), knowledge, teller, &limits)
         });
-        let result = running.await.into_diagnostic().map_err(Exit::could_not)?;
+        let result = running.await;
+        progress.end();
+        let result = result.into_diagnostic().map_err(Exit::could_not)?;
         let elapsed = machine_time(began, scale.get());
         let report = daemon.stop().await;
         match result {
@@ -249,61 +275,38 @@ fn on_a_set_of_its_own(args: &RunArgs, home: &Home, program: &Program, source: S
     })
 }
 
-/// Runs the program on a dry set just switched on; what it fails with, if it does so within the bounds.
-fn rehearse(program: &Program, knowledge: &Arc<Knowledge>) -> Result<Option<ScriptError>, Exit> {
-    let set = DrySet::new(Arc::clone(knowledge), NoPulses, None).map_err(|error| dry_error(&error))?;
-    let limits = Limits { operations: Some(REHEARSED_OPERATIONS), stop: Arc::new(AtomicBool::new(false)) };
-    let (over, wait) = mpsc::channel::<()>();
-    let stop = Arc::clone(&limits.stop);
-    let timer = thread::spawn(move || {
-        if wait.recv_timeout(REHEARSAL).is_err() {
-            stop.store(true, Ordering::Release);
-        }
-    });
-    let operator = Arc::new(Mutex::new(Executive::new(set)));
-    let result = program.run(operator, Arc::clone(knowledge), Silence, &limits);
-    let _ = over.send(());
-    let _ = timer.join();
-    // Inputs may come in the real run, a throw may depend on them, and the bounds are the rehearsal's own.
-    Ok(result.err().filter(|error| {
-        matches!(error, ScriptError::Syntax { .. } | ScriptError::Script { .. } | ScriptError::Robot { .. })
-    }))
-}
-
-/// Nobody listens to a rehearsal.
-struct Silence;
-
-impl Watcher for Silence {
-    fn movement(&mut self, _: &Movement) {}
-    fn print(&mut self, _: &str) {}
-}
-
 /// Movements and steps so far.
 #[derive(Debug, Clone, Copy, Default)]
-struct Totals {
-    movements: u64,
+pub(super) struct Totals {
+    pub(super) movements: u64,
     steps: u64,
 }
 
 /// Prints what a program does, a line each.
-struct Teller {
+pub(super) struct Teller {
     json: bool,
     knowledge: Arc<Knowledge>,
     totals: Arc<Mutex<Totals>>,
+    progress: Arc<Progress>,
 }
 
 impl Teller {
-    fn new(json: bool, knowledge: &Arc<Knowledge>) -> Self {
-        Self { json, knowledge: Arc::clone(knowledge), totals: Arc::default() }
+    pub(super) fn new(json: bool, knowledge: &Arc<Knowledge>) -> Self {
+        let progress = Arc::new(Progress::none());
+        Self { json, knowledge: Arc::clone(knowledge), totals: Arc::default(), progress }
     }
 
-    fn totals(&self) -> Arc<Mutex<Totals>> {
+    /// Shows people how far the program is, from now on.
+    fn with_progress(self, expected: Option<Expected>, scale: f64) -> Self {
+        if self.json { self } else { Self { progress: Arc::new(Progress::start(expected, scale)), ..self } }
+    }
+
+    fn progress(&self) -> Arc<Progress> {
+        Arc::clone(&self.progress)
+    }
+
+    pub(super) fn totals(&self) -> Arc<Mutex<Totals>> {
         Arc::clone(&self.totals)
-    }
-
-    /// A program goes on when nobody reads what it prints: a robot does not stop in the middle for that.
-    fn say(line: &str) {
-        let _ = writeln!(io::stdout(), "{line}");
     }
 }
 
@@ -315,22 +318,23 @@ impl Watcher for Teller {
             totals.steps += u64::from(movement.done.0);
             totals.movements == 1
         };
+        self.progress.moved();
         if self.json {
             let view = show::MovementView::new(movement, &self.knowledge);
-            Self::say(&serde_json::json!({ "movement": view }).to_string());
+            self.progress.say(&serde_json::json!({ "movement": view }).to_string());
         } else {
             if first {
-                Self::say(&show::movement_title());
+                self.progress.say(&show::movement_title());
             }
-            Self::say(&show::movement_line(movement, &self.knowledge));
+            self.progress.say(&show::movement_line(movement, &self.knowledge));
         }
     }
 
     fn print(&mut self, text: &str) {
         if self.json {
-            Self::say(&serde_json::json!({ "print": text }).to_string());
+            self.progress.say(&serde_json::json!({ "print": text }).to_string());
         } else {
-            Self::say(text);
+            self.progress.say(text);
         }
     }
 }
@@ -367,7 +371,7 @@ fn tell_summary(
     Ok(())
 }
 
-fn knowledge(config: supersigma_config::Config) -> Result<Arc<Knowledge>, Exit> {
+pub(super) fn knowledge(config: supersigma_config::Config) -> Result<Arc<Knowledge>, Exit> {
     Knowledge::new(config).into_diagnostic().map_err(Exit::wrong)
 }
 
@@ -376,7 +380,7 @@ fn machine_time(began: Instant, scale: f64) -> Ticks {
     Ticks((began.elapsed().as_secs_f64() * scale * 2e6) as u64)
 }
 
-fn dry_error(error: &DryError) -> Exit {
+pub(super) fn dry_error(error: &DryError) -> Exit {
     match error {
         // As `ccu up` and a run on a set have it.
         DryError::Log(LogError::Exists { .. }) => Exit::wrong(miette!("{error}")),

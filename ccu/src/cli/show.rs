@@ -2,12 +2,18 @@
 
 use std::fmt::Write as _;
 use std::io::{self, IsTerminal, Write};
+use std::mem;
+use std::time::Duration;
 
 use serde::Serialize;
 use supersigma_config::Config;
-use supersigma_protocol::{AxisReport, Deviation};
+use supersigma_protocol::{AxisReport, Deviation, Pace};
 
+use crate::control::{Description, RecorderState, RecorderView};
 use crate::executive::{AxisState, Knowledge, Movement, MovementKind, Recovery};
+
+/// A recorder that is further behind the bus than this is worth a word.
+const BEHIND_MS: u64 = 200;
 
 /// A movement, for programs.
 #[derive(Debug, Serialize)]
@@ -85,6 +91,8 @@ pub(super) struct AxisView<'a> {
     sense: Option<String>,
     steps: Option<u32>,
     position: Option<i32>,
+    /// Steps per second, negative towards the origin.
+    speed: Option<f64>,
     lost: Option<i32>,
     alarm: Option<AlarmView>,
 }
@@ -106,6 +114,7 @@ impl<'a> AxisView<'a> {
             sense: report.map(|report| report.sense.to_string()),
             steps: report.map(|report| report.steps.0),
             position: report.and_then(|report| report.position).map(|position| position.0),
+            speed: report.map(speed),
             lost: report.and_then(|report| report.lost).map(|lost| lost.0),
             alarm: report
                 .and_then(|report| report.alarm)
@@ -118,26 +127,71 @@ impl<'a> AxisView<'a> {
 pub(super) fn axes(states: &[AxisState], config: &Config, out: &mut dyn Write) -> io::Result<()> {
     writeln!(
         out,
-        "{:>4} {:<12} {:<17} {:<6} {:>8} {:>9}  alarm",
-        "axis", "name", "state", "X1..X5", "steps", "position"
+        "{:>4} {:<12} {:<17} {:<6} {:>6} {:>8} {:>7}  alarm",
+        "axis", "name", "state", "X1..X5", "steps", "position", "steps/s"
     )?;
     for state in states {
         let name = config.axis(state.axis).map_or("?", |axis| &axis.name);
         match state.report {
-            Some(AxisReport { sense, steps, position, activity, alarm, .. }) => {
+            Some(report) => {
+                let AxisReport { sense, steps, position, activity, alarm, .. } = report;
                 let position = position.map_or_else(|| "unknown".into(), |position| position.to_string());
                 let alarm = alarm.map_or_else(|| "-".into(), |alarm| alarm.to_string());
                 writeln!(
                     out,
-                    "{:>4} {name:<12} {activity:<17} {sense:<6} {:>8} {position:>9}  {alarm}",
+                    "{:>4} {name:<12} {activity:<17} {sense:<6} {:>6} {position:>8} {:>7.0}  {alarm}",
                     state.axis.get(),
-                    steps.0
+                    steps.0,
+                    speed(&report)
                 )?;
             }
             None => writeln!(out, "{:>4} {name:<12} its worker is gone", state.axis.get())?,
         }
     }
     Ok(())
+}
+
+/// In steps per second, negative towards the origin.
+fn speed(report: &AxisReport) -> f64 {
+    report.pace.map_or(0.0, Pace::steps_per_second)
+}
+
+/// The set and its log, below its axes.
+pub(super) fn set(set: &Description, frames_a_second: Option<f64>, out: &mut dyn Write) -> io::Result<()> {
+    let rate = frames_a_second.map(|rate| format!("{rate:.0} frames/s, ")).unwrap_or_default();
+    let Description { name, up_s, time_scale, frames, lost, .. } = set;
+    writeln!(
+        out,
+        "\nset {name}: up {up_s:.0} s, time scale {time_scale}, {rate}{frames} frames, {lost} lost"
+    )?;
+    let RecorderView { state, log, parts, frames, lost, bytes, behind_ms, trouble } = &set.recorder;
+    let what = match (state, trouble) {
+        (RecorderState::Recording, None) => "log",
+        (RecorderState::DiskFull, _) => "DISK FULL, NO LOG ANY MORE, was",
+        (RecorderState::Recording | RecorderState::Stopped, _) => "NO LOG ANY MORE, was",
+    };
+    write!(out, "{what} {}", log.display())?;
+    if parts.len() > 1 {
+        write!(out, ", file {} of it", parts.len())?;
+    }
+    write!(out, ": {frames} frames, {}", size(*bytes))?;
+    if *lost > 0 {
+        write!(out, ", {lost} FRAMES ARE MISSING")?;
+    }
+    if *behind_ms > BEHIND_MS {
+        write!(out, ", {behind_ms} ms behind")?;
+    }
+    writeln!(out)?;
+    match trouble {
+        Some(trouble) => writeln!(out, "{}; nothing moves without a log\n{}", trouble.reason, trouble.advice),
+        None => Ok(()),
+    }
+}
+
+/// How many of something there are in a second.
+#[expect(clippy::cast_precision_loss, reason = "for people")]
+pub(super) fn per_second(many: u64, time: Duration) -> f64 {
+    many as f64 / time.as_secs_f64().max(f64::EPSILON)
 }
 
 /// Named lines of a digital card.
@@ -176,7 +230,49 @@ pub(super) fn size(bytes: u64) -> String {
     }
 }
 
-/// Goes back to the top of a terminal before a picture is drawn anew; elsewhere pictures follow each other.
-pub(super) fn redraw(out: &mut dyn Write) -> io::Result<()> {
-    if io::stdout().is_terminal() { out.write_all(b"\x1b[H\x1b[J") } else { writeln!(out) }
+/// Pictures that follow each other: on a terminal each takes the place of the one before, on a screen of their own;
+/// elsewhere they stand one below the other.
+pub(super) struct Pictures {
+    on_a_terminal: bool,
+    apart: bool,
+    first: bool,
+}
+
+impl Pictures {
+    /// The first is to come. `apart`, with an empty line between them where they stand below each other.
+    pub(super) fn new(apart: bool) -> Self {
+        Self { on_a_terminal: apart && io::stdout().is_terminal(), apart, first: true }
+    }
+
+    /// Shows the next one, in one piece, so that it does not flicker.
+    pub(super) fn show(&mut self, picture: &[u8]) -> io::Result<()> {
+        let mut whole = Vec::with_capacity(picture.len() + 64);
+        let first = mem::replace(&mut self.first, false);
+        if self.on_a_terminal {
+            whole.extend_from_slice(if first { b"\x1b[?1049h\x1b[?25l\x1b[H" } else { b"\x1b[H" });
+            for line in picture.split_inclusive(|byte| *byte == b'\n') {
+                whole.extend_from_slice(line.strip_suffix(b"\n").unwrap_or(line));
+                whole.extend_from_slice(b"\x1b[K\r\n");
+            }
+            whole.extend_from_slice(b"\x1b[J");
+        } else {
+            if self.apart && !first {
+                whole.push(b'\n');
+            }
+            whole.extend_from_slice(picture);
+        }
+        let mut out = io::stdout().lock();
+        out.write_all(&whole)?;
+        out.flush()
+    }
+}
+
+impl Drop for Pictures {
+    fn drop(&mut self) {
+        if self.on_a_terminal && !self.first {
+            // If the terminal is gone, there is nothing to give back.
+            let _ = io::stdout().write_all(b"\x1b[?25h\x1b[?1049l");
+            let _ = io::stdout().flush();
+        }
+    }
 }

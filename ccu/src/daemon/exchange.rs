@@ -9,12 +9,14 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use axis_worker::clock::Clock;
-use supersigma_protocol::bus::{BusError, Receive, Transmit, Wake, Waker};
+use supersigma_protocol::bus::{BusError, Lane, Receive, Transmit, Wake, Waker};
 use supersigma_protocol::{
     About, Address, Answer, AxisNumber, Body, Broadcast, CardKind, Command, Fault, Frame, Occasion,
     Operation, Report, Sender, Sequence, Tick, Ticks,
 };
+use tokio::sync::broadcast;
 
+use super::feed::{Feed, Overheard};
 use crate::executive::{Common, Failure, Heard, Knowledge, Link, LogTrouble};
 
 /// How often the thread looks for what nobody woke it for: heartbeats.
@@ -51,6 +53,7 @@ pub(super) struct Exchange {
     clock: Clock,
     port: Mutex<Port>,
     state: Mutex<State>,
+    feed: Feed,
     over: AtomicBool,
 }
 
@@ -66,6 +69,8 @@ struct State {
     cards: BTreeMap<Address, CardLife>,
     /// Cards whose process has ended unasked. What they said before may still come from the bus.
     ended: BTreeSet<Address>,
+    /// What each digital card said last.
+    words: BTreeMap<Address, u16>,
     subscribers: Vec<Subscriber<Heard>>,
     counts: Counts,
     no_log: Option<Arc<LogTrouble>>,
@@ -92,6 +97,7 @@ impl Exchange {
                 sequence: Sequence(0),
             }),
             state: Mutex::default(),
+            feed: Feed::default(),
             over: AtomicBool::new(false),
         });
         let listening = Arc::clone(&exchange);
@@ -126,6 +132,11 @@ impl Exchange {
         heard
     }
 
+    /// Every frame from now on, for a watcher; `None` once the set is down.
+    pub(super) fn overhear(&self) -> Option<broadcast::Receiver<Overheard>> {
+        self.feed.subscribe()
+    }
+
     /// The set.
     pub(super) fn knowledge(&self) -> &Arc<Knowledge> {
         &self.knowledge
@@ -134,6 +145,11 @@ impl Exchange {
     /// What is known of each card that has joined.
     pub(super) fn cards(&self) -> BTreeMap<Address, CardLife> {
         self.state().cards.clone()
+    }
+
+    /// The lines of a digital card, as it said last.
+    pub(super) fn word(&self, card: Address) -> Option<u16> {
+        self.state().words.get(&card).copied()
     }
 
     /// What has been counted so far.
@@ -159,7 +175,10 @@ impl Exchange {
         let Some((transmit, _)) = &mut port.ends else {
             return Err(BusError::Broken { what: "send", reason: "the CCU has left the bus".into() });
         };
-        transmit.send(&frame.encode(), wake)?;
+        let bytes = frame.encode();
+        // Before any card can answer, so that watchers hear the question first.
+        self.feed.tell(Lane::Commands, &bytes);
+        transmit.send(&bytes, wake)?;
         port.sequence = sequence.next();
         Ok(sequence)
     }
@@ -228,10 +247,12 @@ impl Exchange {
         if let Err(error) = self.drain(&mut receive) {
             tracing::error!(%error, "the last frames could not be heard");
         }
+        self.feed.end();
     }
 
     fn drain(&self, receive: &mut impl Receive) -> Result<(), BusError> {
         while let Some(bytes) = receive.receive()? {
+            self.feed.tell(Lane::Answers, &bytes);
             match Frame::decode(&bytes) {
                 Ok(Frame { sender: Sender::Card(card), sequence, body: Body::Answer(answer), .. }) => {
                     self.take(card, sequence, answer);
@@ -252,6 +273,9 @@ impl Exchange {
             let life =
                 CardLife { alive, report: answer.report, heard: Instant::now(), expected: sequence.next() };
             state.cards.insert(sender, life);
+            if let Report::Digital(word) = answer.report {
+                state.words.insert(answer.card, word);
+            }
             let lost = match expected {
                 Some(expected) if sequence != Sequence(0) => sequence.0.saturating_sub(expected.0),
                 _ => 0,
@@ -316,11 +340,6 @@ pub(super) struct LiveLink {
 }
 
 impl LiveLink {
-    /// Forgets what was heard before a new request.
-    pub(super) fn forget(&self) {
-        while self.heard.try_recv().is_ok() {}
-    }
-
     /// Moves need a log and living cards; stopping and asking do not.
     fn check(&self, broadcast: &Broadcast) -> Result<(), Failure> {
         let Ok(command) = Command::decode(broadcast.bytes.as_slice()) else {

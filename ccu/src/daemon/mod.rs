@@ -13,6 +13,7 @@
 
 mod births;
 mod exchange;
+mod feed;
 pub mod foxglove;
 mod keeper;
 mod lifeline;
@@ -390,6 +391,8 @@ fn describer(
                 .get(&Address::DIGITAL_INPUT)
                 .filter(|life| life.alive)
                 .map_or_else(Vec::new, |_| vec![Address::DIGITAL_INPUT, Address::DIGITAL_OUTPUT]),
+            inputs: exchange.word(Address::DIGITAL_INPUT),
+            outputs: exchange.word(Address::DIGITAL_OUTPUT),
             frames: counts.commands + counts.answers,
             lost: counts.lost,
             recorder: recording.view(),

@@ -3,24 +3,34 @@
 //! has that halted.
 
 use std::io;
+use std::mem;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader};
 use tokio::net::unix::OwnedWriteHalf;
 use tokio::net::{UnixListener, UnixStream};
+use tokio::sync::broadcast::error::{RecvError, TryRecvError};
 use tokio::sync::{Notify, mpsc, watch};
 use tokio::task;
+use tokio::time::MissedTickBehavior;
 
 use super::exchange::{Exchange, LiveLink};
 use super::telling::telling;
-use crate::control::{Description, DownReport, FromDaemon, ToDaemon};
+use crate::control::{Description, DownReport, FromDaemon, Overheard, ToDaemon};
 use crate::executive::{Executive, Failure, Link, Operate, Outcome, Request};
 
 /// Of a longer line only so much is read; the rest then makes no sense and is answered so.
 const LONGEST_LINE: u64 = 64 * 1024;
+
+/// How often a watcher is told what does not stand in frames.
+const FACTS: Duration = Duration::from_secs(1);
+/// How long frames are gathered for a watcher before they go to it together, and how many at most.
+const GATHERING: Duration = Duration::from_millis(20);
+const AT_ONCE: usize = 1_024;
 
 /// What the clients' tasks share.
 pub(super) struct Desk {
@@ -96,14 +106,75 @@ async fn attend(stream: UnixStream, desk: Arc<Desk>) -> io::Result<()> {
                 executive = back;
                 answer
             }
-            Ok(ToDaemon::Describe) => FromDaemon::Description(Box::new((desk.describe)())),
+            Ok(ToDaemon::Describe) => {
+                // One who only looks never asks the executive, which would keep all that it hears. What goes wrong with
+                // movements is told to whoever waits for them.
+                let _ = executive.catch_up();
+                FromDaemon::Description(Box::new((desk.describe)()))
+            }
+            Ok(ToDaemon::Watch) => {
+                // What an executive hears, it keeps until it is asked; this one never will be.
+                drop(executive);
+                let result = show(&desk, &mut write, &mut next).await;
+                reading.abort();
+                return result;
+            }
             Ok(ToDaemon::Down) => take_down(&desk).await,
             Err(error) => FromDaemon::Failed(Failure::Control { reason: error.to_string() }),
         };
-        send(&mut write, &answer).await?;
+        if let Err(error) = send(&mut write, &answer).await {
+            tracing::debug!(%error, "a client does not hear its answer");
+            break;
+        }
     }
     reading.abort();
+    // Whoever began something and is gone does not wait for it any more.
+    executive.abandon();
     Ok(())
+}
+
+/// Shows a client everything that goes by, until it hangs up or the set is down. One that does not read holds up nobody
+/// but this task: what it misses meanwhile is counted.
+async fn show(
+    desk: &Desk,
+    write: &mut OwnedWriteHalf,
+    hung_up: &mut mpsc::Receiver<Vec<u8>>,
+) -> io::Result<()> {
+    let Some(mut feed) = desk.exchange.overhear() else { return Ok(()) };
+    let mut facts = tokio::time::interval(FACTS);
+    facts.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut news = Overheard::default();
+    loop {
+        tokio::select! {
+            line = hung_up.recv() => if line.is_none() { return Ok(()) },
+            _ = facts.tick() => {
+                send(write, &FromDaemon::Description(Box::new((desk.describe)()))).await?;
+            }
+            heard = feed.recv() => {
+                match heard {
+                    Ok(frame) => news.frames.push(frame.into()),
+                    Err(RecvError::Lagged(missed)) => news.dropped += missed,
+                    Err(RecvError::Closed) => return Ok(()),
+                }
+                // Together with what comes soon: a watcher that draws for people need not wake for every frame.
+                tokio::time::sleep(GATHERING).await;
+                while news.frames.len() < AT_ONCE {
+                    match feed.try_recv() {
+                        Ok(frame) => news.frames.push(frame.into()),
+                        Err(TryRecvError::Lagged(missed)) if news.frames.is_empty() => news.dropped += missed,
+                        // What was missed, was missed after these.
+                        Err(TryRecvError::Lagged(missed)) => {
+                            let whole = mem::take(&mut news);
+                            news.dropped = missed;
+                            send(write, &FromDaemon::Overheard(whole)).await?;
+                        }
+                        Err(TryRecvError::Empty | TryRecvError::Closed) => break,
+                    }
+                }
+                send(write, &FromDaemon::Overheard(mem::take(&mut news))).await?;
+            }
+        }
+    }
 }
 
 fn carry_out(
@@ -111,13 +182,14 @@ fn carry_out(
     request: Request,
     how: impl FnOnce(&mut Executive<LiveLink>, Request) -> Result<Outcome, Failure>,
 ) -> (Executive<LiveLink>, FromDaemon) {
-    executive.link().forget();
-    let watched = !request.is_unwatched();
+    // What is only begun is not done when the request is.
+    let watched = !request.is_unwatched() && !matches!(request, Request::Begin { .. });
     let what = telling(&request, executive.link().knowledge());
     if let Some(what) = &what {
         tracing::info!("{what}: begun");
     }
-    let result = how(&mut executive, request);
+    let caught_up = executive.catch_up();
+    let result = caught_up.and_then(|()| how(&mut executive, request));
     match (&what, &result) {
         (Some(what), Ok(_)) if watched => tracing::info!("{what}: done"),
         (Some(what), Err(failure)) => tracing::info!("{what}: {failure}"),

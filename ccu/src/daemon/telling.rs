@@ -32,7 +32,11 @@ pub(super) fn telling(request: &Request, knowledge: &Knowledge) -> Option<String
         Request::Brake { axes: which } => axes("brake", which),
         Request::Clear { axes: which } => axes("clear", which),
         Request::Output { bit, on } => format!("output {bit} {}", if *on { "on" } else { "off" }),
+        Request::Begin { request, .. } => return telling(request, knowledge),
         Request::Status { .. }
+        | Request::Abandon
+        | Request::Await { .. }
+        | Request::Now
         | Request::Digital { .. }
         | Request::Inject { .. }
         | Request::Wait { .. }

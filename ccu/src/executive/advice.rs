@@ -120,6 +120,9 @@ pub fn failure(failure: &Failure) -> String {
         Failure::TooFar { .. } => "make it in parts".into(),
         Failure::EmptyLine => "give at least one axis steps other than 0".into(),
         Failure::DifferentRamps { .. } => "give them the same ramp in the configuration".into(),
+        Failure::Several { .. } => "look at each of these axes: `ccu status`".into(),
+        Failure::NotAMovement => "begin a movement or a search".into(),
+        Failure::NoSuchMovement { .. } => "wait for a movement once, on the connection that began it".into(),
         Failure::NothingToResume => "`ccu status` shows where the axes stand; move them from there".into(),
         Failure::MovedMeanwhile { .. } => "`ccu status` shows where it stands; move it from there".into(),
         Failure::SpeedOutOfRange { slowest, fastest, .. } => {

@@ -10,6 +10,7 @@ use supersigma_protocol::{Address, Alarm, AxisNumber, CardKind, Position, Refusa
 
 use super::advice;
 use super::link::Knowledge;
+use super::request::Begun;
 
 /// Why something did not come about.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -128,6 +129,18 @@ pub enum Failure {
         /// Another one.
         other: AxisNumber,
     },
+    /// Several movements that were waited for together have failed.
+    Several {
+        /// Why, each.
+        failures: Vec<Failure>,
+    },
+    /// Something was to be begun that does not go on for a while.
+    NotAMovement,
+    /// Something was to be waited for that was not begun, or has been waited for already.
+    NoSuchMovement {
+        /// Its number.
+        begun: Begun,
+    },
     /// Nothing was halted.
     NothingToResume,
     /// An axis was moved since it was halted.
@@ -185,9 +198,12 @@ impl Failure {
             Self::NoSuchAxis { .. }
             | Self::TooFar { .. }
             | Self::EmptyLine
+            | Self::NotAMovement
+            | Self::NoSuchMovement { .. }
             | Self::DifferentRamps { .. }
             | Self::SpeedOutOfRange { .. } => 2,
             Self::BusGone { .. } | Self::NoSet { .. } | Self::Control { .. } | Self::GoingDown => 3,
+            Self::Several { failures } => failures.first().map_or(1, Self::exit_code),
             _ => 1,
         }
     }
@@ -215,6 +231,7 @@ impl Failure {
             | Self::NoSuchAxis { axis }
             | Self::MovedMeanwhile { axis }
             | Self::SpeedOutOfRange { axis, .. } => Some(*axis),
+            Self::Several { failures } => failures.first().and_then(Self::axis),
             Self::DigitalRefused { card, .. }
             | Self::NoAnswer { card, .. }
             | Self::WorkerGone { card }
@@ -234,6 +251,7 @@ impl Failure {
             | Self::Alarm { at, .. }
             | Self::Stopped { at, .. }
             | Self::Overdue { at, .. } => *at,
+            Self::Several { failures } => failures.first().and_then(Self::at),
             _ => None,
         }
     }
@@ -314,6 +332,18 @@ impl Failure {
                 name(*one),
                 name(*other)
             ),
+            Self::Several { failures } => {
+                write!(f, "{} movements failed", failures.len())?;
+                for (index, failure) in failures.iter().enumerate() {
+                    f.write_str(if index == 0 { ": " } else { "; " })?;
+                    failure.tell(f, name, "")?;
+                }
+                Ok(())
+            }
+            Self::NotAMovement => f.write_str("only a movement can be begun"),
+            Self::NoSuchMovement { begun } => {
+                write!(f, "no movement {} was begun here that nobody has waited for", begun.0)
+            }
             Self::NothingToResume => f.write_str("nothing was halted that could be resumed"),
             Self::MovedMeanwhile { axis } => write!(
                 f,

@@ -24,6 +24,21 @@ impl<L: Link> Executive<L> {
     /// # Errors
     /// As [`Operate::operate`]; a halt alone is none.
     pub fn operate_or_wait(&mut self, request: Request) -> Result<Outcome, Failure> {
+        let result = match request {
+            Request::Await { begun, until } => {
+                self.heard.clear();
+                self.await_begun(&begun, until, true)
+            }
+            request => self.see_through(request),
+        };
+        self.paused = None;
+        if result == Err(Failure::Cancelled) {
+            self.abandon();
+        }
+        result
+    }
+
+    fn see_through(&mut self, request: Request) -> Result<Outcome, Failure> {
         let asked = request.moving();
         let axes: Vec<_> = asked.keys().copied().collect();
         let mut made: BTreeMap<AxisNumber, Steps> = BTreeMap::new();
@@ -86,6 +101,7 @@ impl<L: Link> Executive<L> {
                 }
             }
         }
+        self.give_up(&told);
         let mut states = Vec::with_capacity(told.len());
         for axis in told {
             let report = if gone.contains(&axis) { None } else { Some(self.stand(axis)?) };
@@ -139,7 +155,7 @@ impl<L: Link> Executive<L> {
                 return Ok(report);
             }
             let until = self.link.now() + self.link.ticks(LOOK);
-            while let Some(heard) = self.link.hear(until)? {
+            while let Some(heard) = self.listen(until)? {
                 if let Heard::Answer(answer) = heard
                     && let Some(report) = standing(axis, &answer)
                 {
@@ -153,7 +169,7 @@ impl<L: Link> Executive<L> {
         let _paused = self.link.common().pause();
         loop {
             let until = self.link.now() + self.link.ticks(NAP);
-            match self.link.hear(until)? {
+            match self.listen(until)? {
                 Some(Heard::Resume) => return Ok(()),
                 Some(Heard::GoingDown) => return Err(Failure::GoingDown),
                 Some(Heard::NoLog(trouble)) => return Err(Failure::NoLog((*trouble).clone())),
@@ -162,7 +178,7 @@ impl<L: Link> Executive<L> {
         }
     }
 
-    fn check_places(&mut self, rest: &Remainder) -> Result<(), Failure> {
+    pub(super) fn check_places(&mut self, rest: &Remainder) -> Result<(), Failure> {
         for (axis, position) in &rest.from {
             if self.stand(*axis)?.position != *position {
                 return Err(Failure::MovedMeanwhile { axis: *axis });
@@ -198,7 +214,7 @@ fn remaining(legs: &[Leg], mut done: BTreeMap<AxisNumber, Steps>) -> Vec<Leg> {
 }
 
 /// A movement together with what was made of it before it was halted.
-fn whole(
+pub(super) fn whole(
     rest: Movement,
     asked: &BTreeMap<AxisNumber, Displacement>,
     made: &BTreeMap<AxisNumber, Steps>,

@@ -3,6 +3,7 @@
 //! reads no clock but its [`Link`]'s; a live set and a dry run are driven by this very code.
 
 pub mod advice;
+mod begun;
 mod failure;
 mod halted;
 mod link;
@@ -11,6 +12,7 @@ mod recovery;
 mod request;
 #[cfg(test)]
 mod tests;
+mod watch;
 
 use std::time::Duration;
 
@@ -21,10 +23,13 @@ use supersigma_protocol::{
 };
 
 pub use failure::{Failure, LogTrouble};
+use link::Paused;
 pub use link::{Common, Heard, Knowledge, Link};
 pub use request::{
-    AxisState, Displacement, Leg, Movement, MovementKind, Outcome, RawAnswer, Recovery, Remainder, Request,
+    AxisState, Begun, Displacement, Ended, Leg, Movement, MovementKind, Outcome, RawAnswer, Recovery,
+    Remainder, Request, Until,
 };
+use watch::Watch;
 
 /// Somebody who carries out requests: an executive, or a client of one.
 pub trait Operate {
@@ -41,10 +46,15 @@ pub struct Executive<L> {
     link: L,
     /// What was heard while waiting for something else.
     heard: Vec<Heard>,
+    /// What has been commanded and is not over, or whose end nobody has asked for yet.
+    watched: Vec<Watch>,
+    /// The number of the next watch.
+    next: u64,
+    /// While something that was begun waits to be resumed.
+    paused: Option<Paused>,
+    /// Somebody has said that what was halted may go on.
+    resumed: bool,
 }
-
-/// How many times the sense points are looked at between the due time of a movement and the time at which it is overdue.
-const LOOKS: u64 = 8;
 
 /// A movement that has been commanded.
 #[derive(Debug, Clone, Copy)]
@@ -67,6 +77,8 @@ impl<L: Link> Operate for Executive<L> {
         match &result {
             Err(Failure::Stopped { .. }) => self.leave_rest(&request)?,
             Ok(_) if request.is_unwatched() => self.link.common().leave_unwatched(request),
+            // Whoever asked has gone, and with him whoever would wait for what he has begun.
+            Err(Failure::Cancelled) => self.abandon(),
             _ => {}
         }
         result
@@ -76,26 +88,26 @@ impl<L: Link> Operate for Executive<L> {
 impl<L: Link> Executive<L> {
     /// An executive over `link`.
     pub fn new(link: L) -> Self {
-        Self { link, heard: Vec::new() }
+        Self { link, heard: vec![], watched: vec![], next: 0, paused: None, resumed: false }
     }
 
     fn carry_out(&mut self, request: &Request) -> Result<Outcome, Failure> {
         match request {
-            Request::Originate { axes } => {
-                let axes = self.link.knowledge().axes(axes)?;
-                self.search(&axes, Operation::Originate, MovementKind::Origin)
+            Request::Originate { .. }
+            | Request::SeekReference { .. }
+            | Request::Move { .. }
+            | Request::Line { .. }
+            | Request::Path { .. } => {
+                let underway = self.set_going(request)?.unwrap_or_default();
+                if request.is_unwatched() { Ok(Outcome::Done) } else { self.complete(underway) }
             }
-            Request::SeekReference { axis } => {
-                self.search(&[*axis], Operation::SeekReference, MovementKind::Reference)
+            Request::Begin { request } => self.begin(request),
+            Request::Await { begun, until } => self.await_begun(begun, *until, false),
+            Request::Abandon => {
+                self.abandon();
+                Ok(Outcome::Done)
             }
-            Request::Move { axis, by, speed, constant, wait } => {
-                self.movement(*axis, *by, *speed, *constant, *wait)
-            }
-            Request::Line { parts, speed, wait } => {
-                let leg = Leg { parts: parts.clone(), speed: *speed };
-                self.path(&[leg], MovementKind::Line, *wait)
-            }
-            Request::Path { legs, wait } => self.path(legs, MovementKind::Path, *wait),
+            Request::Now => Ok(Outcome::Tick(self.link.now())),
             Request::Resume => self.resume(),
             Request::Halt { axes } => self.stop(axes, Operation::Halt),
             Request::Brake { axes } => self.stop(axes, Operation::Brake),
@@ -125,18 +137,38 @@ impl<L: Link> Executive<L> {
         self.link
     }
 
+    /// Commands the movements of a request; `None` if it is none.
+    fn set_going(&mut self, request: &Request) -> Result<Option<Vec<Underway>>, Failure> {
+        let underway = match request {
+            Request::Originate { axes } => {
+                let axes = self.link.knowledge().axes(axes)?;
+                self.search(&axes, Operation::Originate, MovementKind::Origin)
+            }
+            Request::SeekReference { axis } => {
+                self.search(&[*axis], Operation::SeekReference, MovementKind::Reference)
+            }
+            Request::Move { axis, by, speed, constant, .. } => self.movement(*axis, *by, *speed, *constant),
+            Request::Line { parts, speed, .. } => {
+                let leg = Leg { parts: parts.clone(), speed: *speed };
+                self.path(&[leg], MovementKind::Line)
+            }
+            Request::Path { legs, .. } => self.path(legs, MovementKind::Path),
+            _ => return Ok(None),
+        };
+        underway.map(Some)
+    }
+
     fn movement(
         &mut self,
         axis: AxisNumber,
         by: Displacement,
         speed: Option<f64>,
         constant: bool,
-        wait: bool,
-    ) -> Result<Outcome, Failure> {
+    ) -> Result<Vec<Underway>, Failure> {
         let limit = speed.map(|speed| self.link.knowledge().speed(axis, speed)).transpose()?;
         let Some((direction, distance)) = by.split()? else {
             self.link.knowledge().table(axis)?;
-            return Ok(Outcome::Moved(vec![]));
+            return Ok(vec![]);
         };
         let kind = if constant { MovementKind::Slew } else { MovementKind::Move };
         let operation = match (limit, constant) {
@@ -153,20 +185,10 @@ impl<L: Link> Executive<L> {
         };
         let answer = self.command(axis, operation)?;
         self.link.common().begin(&[axis]);
-        if !wait {
-            return Ok(Outcome::Done);
-        }
         let start = answer.acted_at;
         let due = start + Ticks(plan.duration());
-        self.complete(&[Underway {
-            axis,
-            kind,
-            asked: Some(by),
-            steps: Some(by.0.unsigned_abs()),
-            since: start,
-            start,
-            due,
-        }])
+        let steps = Some(by.0.unsigned_abs());
+        Ok(vec![Underway { axis, kind, asked: Some(by), steps, since: start, start, due }])
     }
 
     /// Origination or search for the reference step, of several axes at once.
@@ -175,7 +197,7 @@ impl<L: Link> Executive<L> {
         axes: &[AxisNumber],
         operation: Operation,
         kind: MovementKind,
-    ) -> Result<Outcome, Failure> {
+    ) -> Result<Vec<Underway>, Failure> {
         let mut underway = Vec::with_capacity(axes.len());
         for axis in axes {
             let knowledge = self.link.knowledge();
@@ -204,7 +226,7 @@ impl<L: Link> Executive<L> {
             let due = start + Ticks(approach + slow + ramps);
             underway.push(Underway { axis: *axis, kind, asked: None, steps: None, since: start, start, due });
         }
-        self.complete(&underway)
+        Ok(underway)
     }
 
     fn halt(&mut self, underway: &[Underway]) -> Result<(), Failure> {
@@ -212,78 +234,6 @@ impl<L: Link> Executive<L> {
             self.link.send(Command::new(underway.axis.address(), Operation::Halt).into())?;
         }
         Ok(())
-    }
-
-    /// Waits until all of these movements are over, and judges them.
-    fn complete(&mut self, underway: &[Underway]) -> Result<Outcome, Failure> {
-        let result = self.watch(underway);
-        match &result {
-            // Whoever halts one axis of a line without the others would have these run on alone.
-            Err(Failure::Cancelled | Failure::Stopped { .. }) => self.halt(underway)?,
-            // One axis of a line that stops by itself has left it; the others must not run on alone.
-            Err(_)
-                if underway.len() > 1
-                    && underway
-                        .iter()
-                        .all(|one| matches!(one.kind, MovementKind::Line | MovementKind::Path)) =>
-            {
-                for other in underway {
-                    self.link.send(Command::new(other.axis.address(), Operation::Brake).into())?;
-                }
-            }
-            _ => {}
-        }
-        result
-    }
-
-    fn watch(&mut self, underway: &[Underway]) -> Result<Outcome, Failure> {
-        let margin_ms = self.link.knowledge().config.executive.overdue_ms;
-        let margin = self.link.ticks(Duration::from_millis(margin_ms.into()));
-        let margin_part = Ticks(margin.0 / LOOKS);
-        let mut over: Vec<Option<Movement>> = vec![None; underway.len()];
-        loop {
-            let waiting = underway.iter().zip(&over).filter(|(_, over)| over.is_none());
-            let Some((next, deadline)) =
-                waiting.map(|(one, _)| (*one, one.due + margin)).min_by_key(|(_, deadline)| *deadline)
-            else {
-                return Ok(Outcome::Moved(over.into_iter().flatten().collect()));
-            };
-            // Its end is told unasked. Once it is due, the sense points are looked at too, in equal parts of the margin.
-            let look = self.link.now().max(next.due) + margin_part;
-            let Some(heard) = self.hear(look.min(deadline))? else {
-                // It may have ended and the news got lost: ask.
-                let overdue = self.link.now() >= deadline;
-                let answer = match self.command(next.axis, Operation::Status) {
-                    Ok(answer) => answer,
-                    Err(Failure::NoAnswer { .. }) if !overdue => continue,
-                    Err(failure) => return Err(failure),
-                };
-                if let Report::Axis(report) = answer.report
-                    && report.activity != Activity::Standing
-                {
-                    if !overdue {
-                        continue;
-                    }
-                    return Err(Failure::Overdue {
-                        axis: next.axis,
-                        milliseconds: margin_ms,
-                        done: report.steps,
-                        at: Some(answer.acted_at),
-                    });
-                }
-                self.heard.push(Heard::Answer(answer));
-                continue;
-            };
-            let Heard::Answer(Answer { card, report: Report::Axis(report), acted_at, .. }) = heard else {
-                bad_news(heard, underway)?;
-                continue;
-            };
-            for (one, over) in underway.iter().zip(&mut over) {
-                if over.is_none() && one.axis.address() == card && acted_at > one.since {
-                    *over = judge(one, &report, acted_at)?;
-                }
-            }
-        }
     }
 
     /// The same command to several axes; all are told before any answer is waited for.
@@ -335,7 +285,7 @@ impl<L: Link> Executive<L> {
 
     fn wait(&mut self, ticks: Ticks) -> Result<Outcome, Failure> {
         let until = self.link.now() + ticks;
-        while let Some(heard) = self.hear(until)? {
+        while let Some(heard) = self.listen(until)? {
             if heard == Heard::GoingDown {
                 return Err(Failure::GoingDown);
             }
@@ -423,7 +373,7 @@ impl<L: Link> Executive<L> {
         {
             return Ok(Some(answer));
         }
-        while let Some(heard) = self.link.hear(until)? {
+        while let Some(heard) = self.listen(until)? {
             match heard {
                 Heard::Answer(answer) if wanted(&heard) => return Ok(Some(answer)),
                 Heard::GoingDown => return Err(Failure::GoingDown),
@@ -432,11 +382,6 @@ impl<L: Link> Executive<L> {
             }
         }
         Ok(None)
-    }
-
-    /// The next thing heard, first of what was kept.
-    fn hear(&mut self, until: Tick) -> Result<Option<Heard>, Failure> {
-        if self.heard.is_empty() { self.link.hear(until) } else { Ok(Some(self.heard.remove(0))) }
     }
 }
 
@@ -482,19 +427,7 @@ fn judge(one: &Underway, report: &AxisReport, acted_at: Tick) -> Result<Option<M
         took,
         position,
         lost,
+        start: one.start,
         recovered: None,
     }))
-}
-
-/// What is not an answer ends the waiting if it concerns one of these movements.
-fn bad_news(heard: Heard, underway: &[Underway]) -> Result<(), Failure> {
-    match heard {
-        Heard::WorkerGone(card) if underway.iter().any(|one| one.axis.address() == card) => {
-            Err(Failure::WorkerGone { card })
-        }
-        Heard::NoLog(trouble) => Err(Failure::NoLog((*trouble).clone())),
-        Heard::FramesLost(card, lost) => Err(Failure::FramesLost { card, lost }),
-        Heard::GoingDown => Err(Failure::GoingDown),
-        Heard::WorkerGone(_) | Heard::Answer(_) | Heard::Resume => Ok(()),
-    }
 }

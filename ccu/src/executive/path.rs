@@ -11,7 +11,7 @@ use supersigma_protocol::{
 
 use super::failure::Failure;
 use super::link::Link;
-use super::request::{Displacement, Leg, MovementKind, Outcome};
+use super::request::{Displacement, Leg, MovementKind};
 use super::{Executive, Underway, refused};
 
 /// A leg as it is commanded.
@@ -33,8 +33,8 @@ impl Planned {
 }
 
 impl<L: Link> Executive<L> {
-    /// Arms all axes, starts them at one tick, and waits for all.
-    pub(super) fn path(&mut self, legs: &[Leg], kind: MovementKind, wait: bool) -> Result<Outcome, Failure> {
+    /// Arms all axes, and starts them at one tick.
+    pub(super) fn path(&mut self, legs: &[Leg], kind: MovementKind) -> Result<Vec<Underway>, Failure> {
         let (planned, axes) = self.plan_path(legs)?;
         let table = self.link.knowledge().table(axes[0])?;
         let duration = match &planned[..] {
@@ -78,7 +78,7 @@ impl<L: Link> Executive<L> {
         for underway in &mut armed {
             (underway.start, underway.due) = (start, start + Ticks(duration));
         }
-        if wait { self.complete(&armed) } else { Ok(Outcome::Done) }
+        Ok(armed)
     }
 
     /// What is commanded for each leg, and all axes that move in any.

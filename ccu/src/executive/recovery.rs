@@ -69,7 +69,8 @@ impl<L: Link> Executive<L> {
         }
         let began = self.link.now();
         if how == Recovery::SoughtReference {
-            self.search(&[axis], Operation::SeekReference, MovementKind::Reference)?;
+            let search = self.search(&[axis], Operation::SeekReference, MovementKind::Reference)?;
+            self.complete(search)?;
         }
         let mut parts = Vec::with_capacity(step.targets.len());
         for (axis, target) in &step.targets {
@@ -86,7 +87,8 @@ impl<L: Link> Executive<L> {
             }
         }
         if !parts.is_empty() {
-            self.path(&[Leg { parts, speed: step.speed }], step.kind, true)?;
+            let rest = self.path(&[Leg { parts, speed: step.speed }], step.kind)?;
+            self.complete(rest)?;
         }
         let mut movements = Vec::with_capacity(step.targets.len());
         for (axis, target) in &step.targets {
@@ -110,6 +112,7 @@ impl<L: Link> Executive<L> {
                 took: self.link.now().since(began),
                 position: report.position,
                 lost: None,
+                start: began,
                 recovered: Some(how),
             });
         }

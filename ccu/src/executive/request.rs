@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use supersigma_protocol::{
     Address, AxisNumber, AxisReport, CommandBytes, Deviation, Direction, Distance, Fault, Position, Refusal,
-    StatusWord, Steps, Ticks,
+    StatusWord, Steps, Tick, Ticks,
 };
 
 use super::failure::Failure;
@@ -112,6 +112,22 @@ pub enum Request {
         /// Which.
         fault: Fault,
     },
+    /// Begin a movement; it is waited for with [`Request::Await`], by whoever began it.
+    Begin {
+        /// A movement or a search.
+        request: Box<Request>,
+    },
+    /// Wait for what was begun.
+    Await {
+        /// Which.
+        begun: Vec<Begun>,
+        /// Until when.
+        until: Until,
+    },
+    /// Halt what was begun and is not over, and forget it.
+    Abandon,
+    /// What tick is it?
+    Now,
     /// Let machine time pass.
     Wait {
         /// How much.
@@ -153,6 +169,34 @@ impl Request {
     }
 }
 
+/// The number of something that was begun, on one connection.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Begun(pub u64);
+
+/// How long what was begun is waited for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Until {
+    /// Only look, for a moment.
+    Now,
+    /// Until one is over.
+    Any,
+    /// Until all are over.
+    All,
+    /// Until all are over; as soon as one has failed, the others are halted.
+    AllOrFailure,
+}
+
+/// Something that was begun and is over.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Ended {
+    /// Which.
+    pub begun: Begun,
+    /// Its movements, or why they are not complete.
+    pub result: Result<Vec<Movement>, Failure>,
+}
+
 /// One line of a path.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Leg {
@@ -185,6 +229,12 @@ pub enum Outcome {
     Digital(u16),
     /// The cards' answers to raw bytes.
     Answers(Vec<RawAnswer>),
+    /// A movement has been begun.
+    Begun(Begun),
+    /// Those of the movements asked for that are over, in the order asked; they are forgotten.
+    Ended(Vec<Ended>),
+    /// The tick.
+    Tick(Tick),
 }
 
 /// A movement that is over.
@@ -200,6 +250,8 @@ pub struct Movement {
     pub done: Steps,
     /// X1..X5 at its end.
     pub sense: StatusWord,
+    /// When the card took the command (a line: when it started).
+    pub start: Tick,
     /// From the tick at which the card took the command (a line: at which it started) to the last pulse.
     pub took: Ticks,
     /// Where the axis stands now.

@@ -112,7 +112,8 @@ impl From<Timestamp> for WallTime {
 }
 
 impl Event {
-    fn new(level: Level, name: String, message: String) -> Self {
+    /// An event that no source text says.
+    pub(crate) const fn new(level: Level, name: String, message: String) -> Self {
         Self { level, name, message, file: String::new(), line: 0 }
     }
 
@@ -141,14 +142,14 @@ impl Event {
     }
 
     /// Bytes that are no frame.
-    pub(super) fn undecodable(bytes: &[u8], error: &FrameError) -> Self {
+    pub(crate) fn undecodable(bytes: &[u8], error: &FrameError) -> Self {
         Self::new(Level::Error, BUS.to_owned(), format!("{error} [{}]", hex(bytes)))
     }
 }
 
 /// What is remembered of earlier frames, so that a lasting alarm is one event and a refusal names the command.
 #[derive(Debug, Default)]
-pub(super) struct Watch {
+pub(crate) struct Watch {
     alarms: BTreeMap<Address, Alarm>,
     /// The latest commands by sequence number, at most [`Watch::COMMANDS`].
     commands: BTreeMap<u64, CommandBytes>,
@@ -159,7 +160,7 @@ impl Watch {
     const COMMANDS: usize = 1_024;
 
     /// The events in a frame. Frames must come in the order of the log.
-    pub(super) fn events(&mut self, frame: &Frame, names: &AxisNames) -> Vec<Event> {
+    pub(crate) fn events(&mut self, frame: &Frame, names: &AxisNames) -> Vec<Event> {
         match &frame.body {
             Body::Command(command) => {
                 if self.commands.len() == Self::COMMANDS {

@@ -118,7 +118,8 @@ impl Judge {
     }
 }
 
-fn concerns(frame: &Frame, axis: AxisNumber) -> bool {
+/// Whether a frame is for this axis or from it.
+pub(crate) fn concerns(frame: &Frame, axis: AxisNumber) -> bool {
     match &frame.body {
         Body::Command(command) => command
             .bytes

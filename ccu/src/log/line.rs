@@ -12,6 +12,7 @@ use super::view::{AboutView, AnswerView, CommandView, FrameView, ReportView, Und
 pub struct Lines {
     /// The width of a name's column.
     names: usize,
+    narrow: bool,
 }
 
 impl Lines {
@@ -19,12 +20,33 @@ impl Lines {
     #[must_use]
     pub fn new(names: &AxisNames) -> Self {
         let longest = names.iter().map(|(_, name)| name.len()).max().unwrap_or(0);
-        Self { names: longest.max("digital outputs".len()) }
+        Self { names: longest.max("digital outputs".len()), narrow: false }
+    }
+
+    /// Columns for a narrow place: only the other end of a frame is named, and time is told to the millisecond.
+    #[must_use]
+    pub fn narrow(names: &AxisNames) -> Self {
+        let longest = names.iter().map(|(_, name)| name.len()).max().unwrap_or(0);
+        Self { names: longest.max("digital".len()), narrow: true }
     }
 
     /// The columns' titles.
     #[must_use]
     pub fn title(&self) -> String {
+        if self.narrow {
+            return format!(
+                "{:>9}    {:<width$}  {:<14} {:<5} {:>6} {:>8} {:>7}  {}",
+                "seconds",
+                "card",
+                "what",
+                "X1..5",
+                "steps",
+                "position",
+                "steps/s",
+                "activity",
+                width = self.names
+            );
+        }
         format!(
             "{:>15}  {:<width$}   {:<width$}  {:<29} {:<5} {:>6} {:>8} {:>7}  {}",
             "seconds",
@@ -47,19 +69,26 @@ impl Lines {
             FrameView::Command(command) => self.command(command),
             FrameView::Answer(answer) => self.answer(answer),
             FrameView::Undecodable(UndecodableView { bytes, error }) => {
-                format!("{}{error} [{bytes}]", self.start("-", "?", "?"))
+                format!("{}{error} [{bytes}]", self.start(None, "?", "?"))
             }
         };
         line.truncate(line.trim_end().len());
         line
     }
 
-    fn start(&self, seconds: &str, from: &str, to: &str) -> String {
-        format!("{seconds:>15}  {from:<width$} → {to:<width$}  ", width = self.names)
+    fn start(&self, tick: Option<Tick>, from: &str, to: &str) -> String {
+        let width = self.names;
+        if self.narrow {
+            let seconds = tick.map_or_else(|| "-".to_owned(), milliseconds);
+            let (arrow, card) = if to == "ccu" { ('←', from) } else { ('→', to) };
+            return format!("{seconds:>9}  {arrow} {card:<width$}  ");
+        }
+        let seconds = tick.map_or_else(|| "-".to_owned(), seconds);
+        format!("{seconds:>15}  {from:<width$} → {to:<width$}  ")
     }
 
     fn command(&self, view: &CommandView) -> String {
-        let mut line = self.start(&seconds(view.tick), &view.sender, &view.name);
+        let mut line = self.start(Some(view.tick), &view.sender, &view.name);
         let _ = write!(line, "#{}", view.sequence.0);
         match (view.operation, &view.refusal) {
             (Some(operation), _) => line.extend([" ", operation]),
@@ -95,7 +124,7 @@ impl Lines {
     }
 
     fn answer(&self, view: &AnswerView) -> String {
-        let mut line = self.start(&seconds(view.tick), &view.sender, "ccu");
+        let mut line = self.start(Some(view.tick), &view.sender, "ccu");
         let (what, refusal) = match &view.about {
             AboutView::Command { command, refusal: None } => (format!("takes #{}", command.0), None),
             AboutView::Command { command, refusal: Some(refusal) } => {
@@ -103,7 +132,8 @@ impl Lines {
             }
             AboutView::Unasked { unasked } => ((*unasked).to_owned(), None),
         };
-        let _ = write!(line, "{what:<29} ");
+        let width = if self.narrow { 14 } else { 29 };
+        let _ = write!(line, "{what:<width$} ");
         match &view.report {
             ReportView::Axis(axis) => {
                 let position = axis.position.map_or_else(|| "?".to_owned(), |position| position.to_string());
@@ -130,4 +160,9 @@ impl Lines {
 /// Exact: a tick is 0.000 000 5 s.
 fn seconds(tick: Tick) -> String {
     format!("{}.{:07}", tick.0 / Tick::PER_SECOND, tick.0 % Tick::PER_SECOND * 5)
+}
+
+/// Cut, not rounded: a frame is not shown before its time.
+fn milliseconds(tick: Tick) -> String {
+    format!("{}.{:03}", tick.0 / Tick::PER_SECOND, tick.0 % Tick::PER_SECOND / (Tick::PER_SECOND / 1_000))
 }

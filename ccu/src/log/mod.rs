@@ -53,7 +53,9 @@ use std::path::PathBuf;
 
 use supersigma_protocol::bus::BusError;
 
+pub(crate) use events::Watch as EventWatch;
 pub use events::{Event, Level};
+pub(crate) use filter::concerns;
 pub use filter::{Filter, Judge, operation};
 pub use frames::{Form, FramesAsked, FramesCount, frames};
 pub use header::{AxisNames, LogHeader, Timeline, WallTime};
@@ -66,6 +68,7 @@ pub use recover::{Lost, Recovery, recover};
 pub use rotation::Rotation;
 pub use senders::Gap;
 pub use told::{ENCODING, Message, SCHEMA_ENCODING, Topic};
+pub(crate) use view::sender_name;
 pub use view::{
     AboutView, AlarmView, AnswerView, AxisView, CommandView, DigitalView, FrameView, RefusalView, ReportView,
     UndecodableView,

@@ -197,7 +197,7 @@ impl FrameView {
 }
 
 /// Who sent a frame, as the views name it.
-pub(super) fn sender_name(sender: Sender, names: &AxisNames) -> String {
+pub(crate) fn sender_name(sender: Sender, names: &AxisNames) -> String {
     match sender {
         Sender::Ccu => "ccu".to_owned(),
         Sender::Card(address) => match address.kind() {

@@ -3,9 +3,9 @@
 
 use rhai::Dynamic;
 use supersigma_config::choose;
-use supersigma_protocol::{AxisNumber, Tick, Ticks};
+use supersigma_protocol::{AxisNumber, Position, Refusal, Tick, Ticks};
 
-use crate::executive::{Displacement, Knowledge};
+use crate::executive::{Displacement, Failure, Knowledge};
 
 use super::trouble::Trouble;
 
@@ -150,6 +150,21 @@ pub(super) fn line(knowledge: &Knowledge, card: Lines, value: &Dynamic) -> Resul
             message: format!("there is no {what} {:?}", name.as_str()),
             help: Some(choose(&name, lines.iter().map(|(name, _)| *name), &format!("the {what}s are"))),
         }
+    })
+}
+
+/// Whether a position is one that an axis may go to.
+pub(super) fn within_travel(knowledge: &Knowledge, axis: AxisNumber, target: i64) -> Result<(), Failure> {
+    let config = knowledge.config.axis(axis).ok_or(Failure::NoSuchAxis { axis })?;
+    let (min, max) = (config.travel.min, config.travel.max);
+    if (i64::from(min.0)..=i64::from(max.0)).contains(&target) {
+        return Ok(());
+    }
+    let nearest = i32::try_from(target).unwrap_or(if target < 0 { i32::MIN } else { i32::MAX });
+    Err(Failure::Refused {
+        axis,
+        refusal: Refusal::OutOfTravel { target: Position(nearest), min, max },
+        at: None,
     })
 }
 

@@ -113,6 +113,34 @@ impl ScriptError {
         }
     }
 
+    /// What kind of error it is, for programs.
+    #[must_use]
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Syntax { .. } => "syntax",
+            Self::Script { .. } => "script",
+            Self::Robot { .. } => "robot",
+            Self::Timeout { .. } => "timeout",
+            Self::Thrown { .. } => "thrown",
+            Self::Interrupted { .. } => "interrupted",
+            Self::LimitReached { .. } => "limit_reached",
+        }
+    }
+
+    /// What is wrong, without the place.
+    #[must_use]
+    pub fn message(&self) -> String {
+        match self {
+            Self::Syntax { message, .. }
+            | Self::Script { message, .. }
+            | Self::Timeout { message, .. }
+            | Self::Thrown { message, .. }
+            | Self::LimitReached { message, .. } => message.clone(),
+            Self::Robot { failure, .. } => failure.to_string(),
+            Self::Interrupted { .. } => "interrupted".into(),
+        }
+    }
+
     /// Where in the text.
     #[must_use]
     pub fn place(&self) -> &Place {
@@ -125,6 +153,16 @@ impl ScriptError {
             | Self::Interrupted { at }
             | Self::LimitReached { at, .. } => at,
         }
+    }
+
+    /// Something that is wrong with the text.
+    pub(super) fn script(
+        message: String,
+        help: Option<String>,
+        position: Position,
+        source: &NamedSource<Arc<str>>,
+    ) -> Self {
+        Self::Script { message, help, at: Box::new(Place::new(source, position, &[], "here")) }
     }
 
     /// What the parser says.
@@ -195,11 +233,11 @@ impl ScriptError {
     fn of_trouble(trouble: Trouble, at: impl Fn(&str) -> Box<Place>) -> Self {
         let message = trouble.to_string();
         match trouble {
-            Trouble::Robot { failure, axis: Some(axis) } => Self::Robot { failure, at: at(&axis) },
+            Trouble::Robot { failure, axis: Some(axis), .. } => Self::Robot { failure, at: at(&axis) },
             Trouble::Robot { failure: Failure::Cancelled, .. } | Trouble::Interrupted => {
                 Self::Interrupted { at: at("here") }
             }
-            Trouble::Robot { failure, axis: None } => Self::Robot { failure, at: at("here") },
+            Trouble::Robot { failure, axis: None, .. } => Self::Robot { failure, at: at("here") },
             Trouble::Timeout { .. } => Self::Timeout { message, at: at("here") },
             Trouble::Wrong { message, help } => Self::Script { message, help, at: at("here") },
         }
@@ -354,9 +392,13 @@ fn line_and_column(text: &str, offset: usize) -> (usize, usize) {
     (before.matches('\n').count() + 1, before[start..].chars().count() + 1)
 }
 
-/// The word or sign that begins there.
+/// The word, text in quotes, or sign that begins there.
 fn span(text: &str, offset: usize) -> SourceSpan {
     let rest = &text[offset..];
+    let quoted = rest.strip_prefix('"').and_then(|inside| inside.split_once('"'));
+    if let Some((inside, _)) = quoted.filter(|(inside, _)| !inside.contains('\n')) {
+        return SourceSpan::from((offset, inside.len() + 2));
+    }
     let word = rest.find(|letter: char| !letter.is_alphanumeric() && letter != '_').unwrap_or(rest.len());
     let sign = rest.chars().next().map_or(0, char::len_utf8);
     SourceSpan::from((offset, word.max(sign)))

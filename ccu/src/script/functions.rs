@@ -3,14 +3,15 @@
 
 use std::sync::{Arc, Mutex};
 
-use rhai::{Array, Dynamic, Engine, EvalAltResult, ImmutableString};
+use rhai::{Array, Dynamic, Engine, EvalAltResult, EvalContext, Expression, ImmutableString};
 
-use super::lock;
+use super::begun::Handle;
 use super::robot::Robot;
 use super::trouble::{self, Trouble};
+use super::{language, lock};
 
 /// Every function, and the ways to call it.
-pub(super) const SIGNATURES: [(&str, &str); 19] = [
+pub(super) const SIGNATURES: [(&str, &str); 24] = [
     ("origin", "`origin()`, `origin(axis)` or `origin([axis, axis])`"),
     ("reference", "`reference(axis)`"),
     ("go_to", "`go_to(axis, position)` or `go_to(axis, position, speed)`"),
@@ -26,7 +27,12 @@ pub(super) const SIGNATURES: [(&str, &str); 19] = [
         "path_to",
         "`path_to([#{ axis: position }, #{ axis: position }])` or `path_to([#{ axis: position }], speed)`",
     ),
-    ("wait", "`wait(seconds)`"),
+    ("wait", "`wait(seconds)` or `wait(handle)`"),
+    ("wait_all", "`wait_all([handle, handle])`"),
+    ("wait_any", "`wait_any([handle, handle])`"),
+    ("is_done", "`is_done(handle)`"),
+    ("now", "`now()`"),
+    ("param", "`param(name)` or `param(name, default)`"),
     ("speed", "`speed(steps_per_second)` or `speed(axis, steps_per_second)`"),
     ("output", "`output(output, on)`"),
     ("input", "`input(input)`"),
@@ -39,9 +45,10 @@ pub(super) const SIGNATURES: [(&str, &str); 19] = [
 ];
 
 /// Gives the engine all of them.
-pub(super) fn register(engine: &mut Engine, robot: Robot) {
+pub(super) fn register(engine: &mut Engine, robot: &Arc<Mutex<Robot>>) {
     trouble::register(engine);
-    let mut library = Library { engine, robot: Arc::new(Mutex::new(robot)) };
+    register_handles(engine, robot);
+    let mut library = Library { engine, robot: Arc::clone(robot) };
     library.none("origin", Robot::originate_all);
     library.one("origin", Robot::originate);
     library.one("reference", Robot::seek_reference);
@@ -59,6 +66,12 @@ pub(super) fn register(engine: &mut Engine, robot: Robot) {
     library.one("path_to", |robot, legs| robot.path_to(legs, None));
     library.two("path_to", |robot, legs, speed| robot.path_to(legs, Some(speed)));
     library.one("wait", Robot::wait);
+    library.one("wait_all", Robot::wait_all);
+    library.one("wait_any", Robot::wait_any);
+    library.one("is_done", Robot::is_done);
+    library.none("now", Robot::now);
+    library.one("param", |robot, name| robot.parameter(name, None));
+    library.two("param", |robot, name, default| robot.parameter(name, Some(default)));
     library.one("speed", Robot::set_speed);
     library.two("speed", Robot::set_speed_of);
     library.two("output", Robot::set_output);
@@ -79,6 +92,46 @@ pub(super) fn register(engine: &mut Engine, robot: Robot) {
     library.engine.register_fn("clear", move |axis: ImmutableString| clear(&robot, axis.into()));
     let robot = Arc::clone(&library.robot);
     library.engine.register_fn("clear", move |axes: Array| clear(&robot, axes.into()));
+}
+
+/// Gives the engine the blocks whose movements are begun, and what they return.
+fn register_handles(engine: &mut Engine, robot: &Arc<Mutex<Robot>>) {
+    let looked_at = Arc::clone(robot);
+    let done = move |handle: &mut Handle| -> Called {
+        Ok(lock(&looked_at).is_done(&Dynamic::from(handle.clone()))?.into())
+    };
+    engine
+        .register_type_with_name::<Handle>("Handle")
+        .register_get("done", done)
+        .register_fn("to_string", |_: &mut Handle| "a handle".to_owned())
+        .register_fn("to_debug", |_: &mut Handle| "a handle".to_owned());
+    let (begins, joins) = (Arc::clone(robot), Arc::clone(robot));
+    language::register_blocks(
+        engine,
+        move |context, block| block_of(&begins, context, block).map(Dynamic::from),
+        move |context, block| {
+            let handle = block_of(&joins, context, block)?;
+            Ok(lock(&joins).together(&handle)?)
+        },
+    );
+}
+
+/// Carries out a block, and gives what it has begun.
+fn block_of(
+    robot: &Arc<Mutex<Robot>>,
+    context: &mut EvalContext,
+    block: &Expression,
+) -> Result<Handle, Box<EvalAltResult>> {
+    lock(robot).open_block();
+    let result = context.eval_expression_tree(block);
+    let mut robot = lock(robot);
+    match result {
+        Ok(_) => Ok(robot.close_block(block.position())),
+        Err(error) => {
+            robot.call_off_block();
+            Err(error)
+        }
+    }
 }
 
 /// An engine, and the robot that its functions work on.

@@ -5,7 +5,7 @@ use rhai::packages::{
     ArithmeticPackage, BasicArrayPackage, BasicFnPackage, BasicIteratorPackage, BasicMapPackage,
     BasicMathPackage, BasicStringPackage, LogicPackage, MoreStringPackage, Package,
 };
-use rhai::{Dynamic, Engine, EvalAltResult, OptimizationLevel, Position};
+use rhai::{Dynamic, Engine, EvalAltResult, EvalContext, Expression, OptimizationLevel, Position};
 
 /// Nested calls. Each takes its part of the thread's stack.
 const CALLS: usize = 32;
@@ -56,6 +56,11 @@ pub(super) fn engine() -> Engine {
         engine.disable_symbol(word);
     }
     look_at_sizes(&mut engine);
+    // So that a text can be compiled where no robot is.
+    let nobody = |_: &mut EvalContext, _: &Expression| -> Result<Dynamic, Box<EvalAltResult>> {
+        Err("there is no robot here".into())
+    };
+    register_blocks(&mut engine, nobody, nobody);
     engine
         .set_allow_anonymous_fn(false)
         .set_strict_variables(true)
@@ -70,6 +75,36 @@ pub(super) fn engine() -> Engine {
         .set_max_array_size(ARRAY)
         .set_max_map_size(MAP);
     engine
+}
+
+/// The two blocks that a robot program has over those of the language.
+pub(super) const BLOCKS: [&str; 2] = ["begin", "together"];
+
+/// What a block does.
+type Block = Result<Dynamic, Box<EvalAltResult>>;
+
+/// Has `begin { … }` and `together { … }` do this.
+pub(super) fn register_blocks(
+    engine: &mut Engine,
+    begin: impl Fn(&mut EvalContext, &Expression) -> Block + Send + Sync + 'static,
+    together: impl Fn(&mut EvalContext, &Expression) -> Block + Send + Sync + 'static,
+) {
+    let [first, second] = BLOCKS;
+    for result in [
+        engine
+            .register_custom_syntax([first, "$block$"], false, move |context, parts| {
+                begin(context, &parts[0])
+            })
+            .map(drop),
+        engine
+            .register_custom_syntax([second, "$block$"], false, move |context, parts| {
+                together(context, &parts[0])
+            })
+            .map(drop),
+    ] {
+        // The two words are plain, and the tests use them.
+        debug_assert!(result.is_ok(), "{result:?}");
+    }
 }
 
 /// Looks at the size of a variable whenever it is used.
@@ -91,7 +126,9 @@ pub(super) fn instead_of(word: &str) -> Option<&'static str> {
     match word {
         "goto" => Some("an axis goes to a position with `go_to(axis, position)`"),
         "sleep" | "timestamp" => Some("time is machine time here; `wait(seconds)` lets it pass"),
-        "|" => Some("there are no closures; write a function, or a loop"),
+        "|" => Some(
+            "there are no closures; write a function, or a loop; what moves at once stands in `together { … }`",
+        ),
         _ => WITHOUT.into_iter().find(|(without, _)| *without == word).map(|(_, advice)| advice),
     }
 }

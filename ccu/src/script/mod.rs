@@ -3,10 +3,14 @@
 //! script becomes a [`Request`](crate::executive::Request), and machine time passes only in there.
 
 mod arguments;
+mod begun;
+mod check;
 mod error;
 mod functions;
 mod language;
+mod parameters;
 mod robot;
+mod session;
 #[cfg(test)]
 mod tests;
 mod trouble;
@@ -19,7 +23,10 @@ use rhai::{AST, Dynamic, Engine, EvalAltResult};
 
 use crate::executive::{Knowledge, Movement, Operate};
 
+pub use check::check;
 pub use error::{Place, ScriptError};
+pub use parameters::Settings;
+pub use session::{Entered, Session, is_open};
 
 use robot::Robot;
 
@@ -28,6 +35,7 @@ use robot::Robot;
 pub struct Program {
     source: NamedSource<Arc<str>>,
     ast: AST,
+    settings: Arc<Settings>,
 }
 
 /// Who is told what a program does, while it does it.
@@ -57,8 +65,20 @@ impl Program {
     pub fn compile(name: &str, source: &str) -> Result<Self, ScriptError> {
         let text = NamedSource::new(name, Arc::from(source));
         match language::engine().compile(source) {
-            Ok(ast) => Ok(Self { source: text, ast }),
+            Ok(ast) => Ok(Self { source: text, ast, settings: Arc::default() }),
             Err(error) => Err(ScriptError::syntax(&error, &text)),
+        }
+    }
+
+    /// The same program with its parameters set so.
+    ///
+    /// # Errors
+    /// [`ScriptError::Script`] if it has no such parameter, or a parameter whose name is not written out.
+    pub fn with(self, settings: Settings) -> Result<Self, ScriptError> {
+        let declared = parameters::declared(&self.ast, &self.source)?;
+        match settings.keys().find(|name| !declared.contains(name)) {
+            Some(name) => Err(parameters::unknown(name, &declared, &self.source)),
+            None => Ok(Self { settings: Arc::new(settings), ..self }),
         }
     }
 
@@ -85,24 +105,30 @@ impl Program {
         engine.set_max_operations(limits.operations.unwrap_or(0));
         let stop = Arc::clone(&limits.stop);
         engine.on_progress(move |_| stop.load(Ordering::Relaxed).then_some(Dynamic::UNIT));
-        self.print_to(&mut engine, &watcher);
-        let robot = Robot::new(operator, knowledge, watcher, Arc::clone(&limits.stop));
-        functions::register(&mut engine, robot);
-        match engine.run_ast(&self.ast).map_err(|error| *error) {
-            Ok(()) | Err(EvalAltResult::Exit(..)) => Ok(()),
-            Err(error) => Err(ScriptError::at_run_time(error, &self.source, &self.ast)),
-        }
+        print_to(&mut engine, &watcher, self.name());
+        let (stop, settings) = (Arc::clone(&limits.stop), Arc::clone(&self.settings));
+        let robot = Arc::new(Mutex::new(Robot::new(operator, knowledge, watcher, stop, settings)));
+        functions::register(&mut engine, &robot);
+        let result = match engine.run_ast(&self.ast).map_err(|error| *error) {
+            Ok(()) | Err(EvalAltResult::Exit(..)) => lock(&robot).finish().map_err(|error| *error),
+            Err(error) => Err(error),
+        };
+        result.map_err(|error| {
+            lock(&robot).abandon();
+            ScriptError::at_run_time(error, &self.source, &self.ast)
+        })
     }
+}
 
-    fn print_to(&self, engine: &mut Engine, watcher: &Arc<Mutex<dyn Watcher>>) {
-        let printed = Arc::clone(watcher);
-        engine.on_print(move |text| lock(&printed).print(text));
-        let (debugged, name) = (Arc::clone(watcher), self.name().to_owned());
-        engine.on_debug(move |text, _, position| {
-            let line = position.line().unwrap_or(0);
-            lock(&debugged).print(&format!("{name}:{line}: {text}"));
-        });
-    }
+/// Has what a text prints go to a watcher.
+fn print_to(engine: &mut Engine, watcher: &Arc<Mutex<dyn Watcher>>, name: &str) {
+    let printed = Arc::clone(watcher);
+    engine.on_print(move |text| lock(&printed).print(text));
+    let (debugged, name) = (Arc::clone(watcher), name.to_owned());
+    engine.on_debug(move |text, _, position| {
+        let line = position.line().unwrap_or(0);
+        lock(&debugged).print(&format!("{name}:{line}: {text}"));
+    });
 }
 
 /// The value, even if somebody panicked with it: a robot that moves has to be stopped all the same.

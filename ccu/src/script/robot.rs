@@ -7,12 +7,14 @@ use std::sync::{Arc, Mutex};
 
 use rhai::{Dynamic, Map};
 use supersigma_protocol::{
-    Address, AxisNumber, AxisReport, Distance, Position, Refusal, SensePoint, SpeedIndex, Ticks,
+    Address, AxisNumber, AxisReport, Distance, Refusal, SensePoint, SpeedIndex, Tick, Ticks,
 };
 
 use crate::executive::{Displacement, Failure, Knowledge, Leg, Operate, Outcome, Request};
 
 use super::arguments::{self as read, Lines};
+use super::begun::{self, Open, Part};
+use super::parameters::{self, Settings};
 use super::trouble::Trouble;
 use super::{Watcher, lock};
 
@@ -22,9 +24,14 @@ const POLL: Ticks = Ticks::from_millis(10);
 /// The robot as one running program has it.
 pub(super) struct Robot {
     operator: Arc<Mutex<dyn Operate + Send>>,
-    knowledge: Arc<Knowledge>,
-    watcher: Arc<Mutex<dyn Watcher>>,
+    pub(super) knowledge: Arc<Knowledge>,
+    pub(super) watcher: Arc<Mutex<dyn Watcher>>,
     stop: Arc<AtomicBool>,
+    settings: Arc<Settings>,
+    /// What the blocks begin that the program is in, the innermost last.
+    pub(super) blocks: Vec<Vec<Part>>,
+    /// What was begun and nobody has waited for.
+    pub(super) open: Vec<Open>,
     ceiling: Option<f64>,
     /// Of single axes; they go before the one for all.
     ceilings: BTreeMap<AxisNumber, Option<f64>>,
@@ -32,6 +39,8 @@ pub(super) struct Robot {
 
 /// What has no result.
 type Done = Result<(), Trouble>;
+/// What moves: its movements, as a program sees them.
+type Moved = Result<Dynamic, Trouble>;
 
 impl Robot {
     /// A robot without speed ceilings.
@@ -40,77 +49,93 @@ impl Robot {
         knowledge: Arc<Knowledge>,
         watcher: Arc<Mutex<dyn Watcher>>,
         stop: Arc<AtomicBool>,
+        settings: Arc<Settings>,
     ) -> Self {
-        Self { operator, knowledge, watcher, stop, ceiling: None, ceilings: BTreeMap::new() }
+        let (blocks, open) = (vec![], vec![]);
+        let ceilings = BTreeMap::new();
+        Self { operator, knowledge, watcher, stop, settings, blocks, open, ceiling: None, ceilings }
     }
 
-    pub(super) fn originate_all(&mut self) -> Done {
-        self.request(Request::Originate { axes: vec![] }).map(drop)
+    pub(super) fn originate_all(&mut self) -> Moved {
+        self.moved(Request::Originate { axes: vec![] })
     }
 
-    pub(super) fn originate(&mut self, axes: &Dynamic) -> Done {
-        self.several(axes, |axes| Request::Originate { axes })
+    pub(super) fn originate(&mut self, axes: &Dynamic) -> Moved {
+        let axes = read::axes(&self.knowledge, axes)?;
+        if axes.is_empty() {
+            return Ok(begun::results(&[], &self.knowledge));
+        }
+        self.moved(Request::Originate { axes })
     }
 
-    pub(super) fn seek_reference(&mut self, axis: &Dynamic) -> Done {
+    pub(super) fn seek_reference(&mut self, axis: &Dynamic) -> Moved {
         let axis = read::axis(&self.knowledge, axis)?;
-        self.request(Request::SeekReference { axis }).map(drop)
+        self.moved(Request::SeekReference { axis })
     }
 
-    pub(super) fn go_to(&mut self, axis: &Dynamic, position: &Dynamic, speed: Option<&Dynamic>) -> Done {
+    pub(super) fn go_to(&mut self, axis: &Dynamic, position: &Dynamic, speed: Option<&Dynamic>) -> Moved {
         let axis = read::axis(&self.knowledge, axis)?;
         let target = read::whole("position", position)?;
         let speed = self.speed_for(axis, speed)?;
         let by = target.saturating_sub(self.where_is(axis)?);
         let most = i64::from(Distance::MAX.get());
         // A rail may be longer than what one command can ask for: then as few parts as possible, of like length.
-        let parts = by / most + by.signum() * i64::from(by % most != 0);
+        let parts = match by / most + by.signum() * i64::from(by % most != 0) {
+            // What is begun is one movement: nobody would begin its second part.
+            _ if !self.blocks.is_empty() => by.signum(),
+            parts => parts,
+        };
         if parts.abs() > 1 {
             self.within_travel(axis, target)?;
         }
         let mut left = by;
-        for part in (1..=parts.abs()).rev() {
+        let parts = (1..=parts.abs()).rev().map(|part| {
             let by = left / part;
-            self.run(axis, Displacement(by), speed, false)?;
             left -= by;
+            Displacement(by)
+        });
+        let parts: Vec<_> = parts.collect();
+        let mut movements = Vec::with_capacity(parts.len());
+        for by in parts {
+            movements.extend(self.make(Request::Move { axis, by, speed, constant: false, wait: true })?);
         }
-        Ok(())
+        Ok(begun::results(&movements, &self.knowledge))
     }
 
-    pub(super) fn move_by(&mut self, axis: &Dynamic, steps: &Dynamic, speed: Option<&Dynamic>) -> Done {
+    pub(super) fn move_by(&mut self, axis: &Dynamic, steps: &Dynamic, speed: Option<&Dynamic>) -> Moved {
         let axis = read::axis(&self.knowledge, axis)?;
         let by = read::steps(steps)?;
         let speed = self.speed_for(axis, speed)?;
         self.run(axis, by, speed, false)
     }
 
-    pub(super) fn slew(&mut self, axis: &Dynamic, steps: &Dynamic, speed: &Dynamic) -> Done {
+    pub(super) fn slew(&mut self, axis: &Dynamic, steps: &Dynamic, speed: &Dynamic) -> Moved {
         let axis = read::axis(&self.knowledge, axis)?;
         let by = read::steps(steps)?;
         let speed = read::speed(speed)?;
         self.run(axis, by, Some(speed), true)
     }
 
-    pub(super) fn line(&mut self, parts: &Dynamic, speed: Option<&Dynamic>) -> Done {
+    pub(super) fn line(&mut self, parts: &Dynamic, speed: Option<&Dynamic>) -> Moved {
         let parts = read::parts(&self.knowledge, parts)?;
-        self.together(&parts, speed)
+        self.on_a_line(&parts, speed)
     }
 
-    pub(super) fn line_to(&mut self, targets: &Dynamic, speed: Option<&Dynamic>) -> Done {
+    pub(super) fn line_to(&mut self, targets: &Dynamic, speed: Option<&Dynamic>) -> Moved {
         let mut parts = read::parts(&self.knowledge, targets)?;
         for (axis, value) in &mut parts {
             *value = value.saturating_sub(self.where_is(*axis)?);
         }
-        self.together(&parts, speed)
+        self.on_a_line(&parts, speed)
     }
 
-    pub(super) fn path(&mut self, legs: &Dynamic, speed: Option<&Dynamic>) -> Done {
+    pub(super) fn path(&mut self, legs: &Dynamic, speed: Option<&Dynamic>) -> Moved {
         let legs = read::legs(&self.knowledge, legs)?;
         self.one_after_the_other(&legs, speed)
     }
 
     /// Each leg goes on from where the one before it ends; an axis that a leg does not name stays where it is.
-    pub(super) fn path_to(&mut self, legs: &Dynamic, speed: Option<&Dynamic>) -> Done {
+    pub(super) fn path_to(&mut self, legs: &Dynamic, speed: Option<&Dynamic>) -> Moved {
         let mut legs = read::legs(&self.knowledge, legs)?;
         let mut places = BTreeMap::new();
         for (axis, value) in legs.iter_mut().flatten() {
@@ -124,7 +149,7 @@ impl Robot {
         self.one_after_the_other(&legs, speed)
     }
 
-    fn one_after_the_other(&mut self, legs: &[Vec<(AxisNumber, i64)>], speed: Option<&Dynamic>) -> Done {
+    fn one_after_the_other(&mut self, legs: &[Vec<(AxisNumber, i64)>], speed: Option<&Dynamic>) -> Moved {
         let mut path = Vec::with_capacity(legs.len());
         for parts in legs.iter().filter(|parts| parts.iter().any(|(_, by)| *by != 0)) {
             let speed = match speed {
@@ -135,9 +160,9 @@ impl Robot {
             path.push(Leg { parts, speed });
         }
         if path.is_empty() {
-            return Ok(());
+            return Ok(begun::results(&[], &self.knowledge));
         }
-        self.request(Request::Path { legs: path, wait: true }).map(drop)
+        self.moved(Request::Path { legs: path, wait: true })
     }
 
     pub(super) fn set_speed(&mut self, speed: &Dynamic) -> Done {
@@ -162,9 +187,30 @@ impl Robot {
         Ok(())
     }
 
-    pub(super) fn wait(&mut self, seconds: &Dynamic) -> Done {
-        let (_, ticks) = read::seconds("seconds", seconds)?;
-        self.request(Request::Wait { ticks }).map(drop)
+    /// A span of machine time, or a handle.
+    pub(super) fn wait(&mut self, what: &Dynamic) -> Result<Dynamic, Trouble> {
+        if let Ok(handle) = begun::handle_of(what) {
+            return self.wait_begun(&handle);
+        }
+        let (_, ticks) = read::seconds("seconds", what)?;
+        self.request(Request::Wait { ticks }).map(|_| Dynamic::UNIT)
+    }
+
+    /// Machine time in seconds.
+    pub(super) fn now(&mut self) -> Result<f64, Trouble> {
+        match self.request(Request::Now)? {
+            Outcome::Tick(tick) => Ok(tick.since(Tick(0)).as_seconds()),
+            _ => Err(self.senseless("the time")),
+        }
+    }
+
+    /// A parameter of the program.
+    pub(super) fn parameter(
+        &mut self,
+        name: &Dynamic,
+        default: Option<&Dynamic>,
+    ) -> Result<Dynamic, Trouble> {
+        parameters::value(&self.settings, name, default)
     }
 
     pub(super) fn set_output(&mut self, output: &Dynamic, on: &Dynamic) -> Done {
@@ -185,7 +231,8 @@ impl Robot {
         let (seconds, mut left) = read::seconds("timeout", timeout)?;
         while self.read_input(bit)? != level {
             if left == Ticks(0) {
-                return Err(Trouble::Timeout { input: input.to_string(), level, seconds });
+                let tick = self.tick();
+                return Err(Trouble::Timeout { input: input.to_string(), level, seconds, tick });
             }
             let ticks = left.min(POLL);
             self.request(Request::Wait { ticks })?;
@@ -229,11 +276,11 @@ impl Robot {
     }
 
     /// Has a request carried out, and tells the watcher of the movements.
-    fn request(&mut self, request: Request) -> Result<Outcome, Trouble> {
+    pub(super) fn request(&mut self, request: Request) -> Result<Outcome, Trouble> {
         if self.stop.load(Ordering::Relaxed) {
             return Err(Trouble::Interrupted);
         }
-        let outcome = lock(&self.operator).operate(request).map_err(|failure| self.trouble(failure))?;
+        let outcome = self.operate(request).map_err(|failure| self.trouble(failure))?;
         if let Outcome::Moved(movements) = &outcome {
             let mut watcher = lock(&self.watcher);
             for movement in movements {
@@ -241,6 +288,17 @@ impl Robot {
             }
         }
         Ok(outcome)
+    }
+
+    /// Has a request carried out, whoever wants the program to end.
+    pub(super) fn operate(&self, request: Request) -> Result<Outcome, Failure> {
+        lock(&self.operator).operate(request)
+    }
+
+    fn moved(&mut self, request: Request) -> Moved {
+        let begins = !self.blocks.is_empty();
+        let movements = self.make(request)?;
+        Ok(if begins { Dynamic::UNIT } else { begun::results(&movements, &self.knowledge) })
     }
 
     fn all_or(&mut self, axes: Option<&Dynamic>, request: impl FnOnce(Vec<AxisNumber>) -> Request) -> Done {
@@ -256,21 +314,21 @@ impl Robot {
         if axes.is_empty() { Ok(()) } else { self.request(request(axes)).map(drop) }
     }
 
-    fn run(&mut self, axis: AxisNumber, by: Displacement, speed: Option<f64>, constant: bool) -> Done {
-        self.request(Request::Move { axis, by, speed, constant, wait: true }).map(drop)
+    fn run(&mut self, axis: AxisNumber, by: Displacement, speed: Option<f64>, constant: bool) -> Moved {
+        self.moved(Request::Move { axis, by, speed, constant, wait: true })
     }
 
     /// A line of these displacements. Where all of them are 0 there is nothing to do, as in a single movement.
-    fn together(&mut self, parts: &[(AxisNumber, i64)], speed: Option<&Dynamic>) -> Done {
+    fn on_a_line(&mut self, parts: &[(AxisNumber, i64)], speed: Option<&Dynamic>) -> Moved {
         let speed = match speed {
             Some(speed) => Some(read::speed(speed)?),
             None => self.line_ceiling(parts)?,
         };
         if !parts.is_empty() && parts.iter().all(|(_, by)| *by == 0) {
-            return Ok(());
+            return Ok(begun::results(&[], &self.knowledge));
         }
         let parts = parts.iter().map(|(axis, by)| (*axis, Displacement(*by))).collect();
-        self.request(Request::Line { parts, speed, wait: true }).map(drop)
+        self.moved(Request::Line { parts, speed, wait: true })
     }
 
     /// The speed of the leading axis at which no axis of the line is above its own ceiling: an axis with half of the
@@ -308,16 +366,7 @@ impl Robot {
 
     /// A movement of several commands is not begun if the last of them will be refused.
     fn within_travel(&self, axis: AxisNumber, target: i64) -> Done {
-        let Some(config) = self.knowledge.config.axis(axis) else {
-            return Err(self.trouble(Failure::NoSuchAxis { axis }));
-        };
-        let (min, max) = (config.travel.min, config.travel.max);
-        if (i64::from(min.0)..=i64::from(max.0)).contains(&target) {
-            return Ok(());
-        }
-        let nearest = i32::try_from(target).unwrap_or(if target < 0 { i32::MIN } else { i32::MAX });
-        let refusal = Refusal::OutOfTravel { target: Position(nearest), min, max };
-        Err(self.trouble(Failure::Refused { axis, refusal, at: None }))
+        read::within_travel(&self.knowledge, axis, target).map_err(|failure| self.trouble(failure))
     }
 
     fn where_is(&mut self, axis: AxisNumber) -> Result<i64, Trouble> {
@@ -344,11 +393,20 @@ impl Robot {
         }
     }
 
-    fn trouble(&self, failure: Failure) -> Trouble {
-        Trouble::robot(failure, &self.knowledge)
+    pub(super) fn trouble(&self, failure: Failure) -> Trouble {
+        // Without a set there is nobody to ask, and a card may have said it already.
+        let known = failure.at().is_some() || failure == Failure::Cancelled || failure.exit_code() == 3;
+        Trouble::robot(failure, &self.knowledge, if known { None } else { self.tick() })
     }
 
-    fn senseless(&self, asked: &str) -> Trouble {
+    fn tick(&self) -> Option<Tick> {
+        match self.operate(Request::Now) {
+            Ok(Outcome::Tick(tick)) => Some(tick),
+            _ => None,
+        }
+    }
+
+    pub(super) fn senseless(&self, asked: &str) -> Trouble {
         self.trouble(Failure::Control { reason: format!("asked for {asked}, it tells something else") })
     }
 }

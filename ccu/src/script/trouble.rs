@@ -1,7 +1,8 @@
 //! What a function of the robot throws: a value that a script can catch and look at, and that keeps what it was made
 //! of, so that nothing is lost when nobody catches it.
 
-use rhai::{Dynamic, Engine, EvalAltResult, Position};
+use rhai::{Array, Dynamic, Engine, EvalAltResult, Position};
+use supersigma_protocol::Tick;
 
 use crate::executive::{Failure, Knowledge};
 
@@ -14,10 +15,14 @@ pub(super) enum Trouble {
         failure: Failure,
         /// The axis that it concerns, as people call it.
         axis: Option<String>,
+        /// When.
+        tick: Option<Tick>,
+        /// If it is several failures: each of them.
+        each: Vec<Trouble>,
     },
     /// An input that did not come.
     #[error("input {input} did not become {level} within {seconds} s")]
-    Timeout { input: String, level: bool, seconds: f64 },
+    Timeout { input: String, level: bool, seconds: f64, tick: Option<Tick> },
     /// An argument that means nothing.
     #[error("{message}")]
     Wrong { message: String, help: Option<String> },
@@ -27,10 +32,19 @@ pub(super) enum Trouble {
 }
 
 impl Trouble {
-    /// A failure, with the name of its axis.
-    pub(super) fn robot(failure: Failure, knowledge: &Knowledge) -> Self {
-        let axis = axis_of(&failure).and_then(|number| knowledge.config.find_axis(&number));
-        Self::Robot { axis: axis.map(|axis| axis.name.clone()), failure }
+    /// A failure, with the name of its axis; of several the first one's.
+    pub(super) fn robot(failure: Failure, knowledge: &Knowledge, tick: Option<Tick>) -> Self {
+        let each: Vec<Self> = match &failure {
+            Failure::Several { failures } => {
+                failures.iter().map(|one| Self::robot(one.clone(), knowledge, tick)).collect()
+            }
+            _ => vec![],
+        };
+        let axis = match each.first() {
+            Some(Self::Robot { axis, .. }) => axis.clone(),
+            _ => failure.axis().and_then(|axis| knowledge.config.axis(axis)).map(|axis| axis.name.clone()),
+        };
+        Self::Robot { axis, tick: failure.at().or(tick), failure, each }
     }
 
     /// An argument of the wrong type or out of range.
@@ -41,6 +55,7 @@ impl Trouble {
     /// What it is called in scripts; a failure as it is called in JSON.
     pub(super) fn kind(&self) -> String {
         match self {
+            Self::Robot { each, .. } if !each.is_empty() => each[0].kind(),
             Self::Robot { failure, .. } => failure.kind(),
             Self::Timeout { .. } => "timeout".into(),
             Self::Wrong { .. } => "wrong_argument".into(),
@@ -57,19 +72,29 @@ impl Trouble {
         }
     }
 
+    fn tick(&self) -> Dynamic {
+        match self {
+            Self::Robot { tick: Some(tick), .. } | Self::Timeout { tick: Some(tick), .. } => {
+                i64::try_from(tick.0).map_or(Dynamic::UNIT, Dynamic::from)
+            }
+            _ => Dynamic::UNIT,
+        }
+    }
+
+    /// Each of several; of a single one itself.
+    fn each(&self) -> Array {
+        match self {
+            Self::Robot { each, .. } if !each.is_empty() => each.iter().cloned().map(Dynamic::from).collect(),
+            _ => vec![Dynamic::from(self.clone())],
+        }
+    }
+
     fn axis(&self) -> Dynamic {
         match self {
             Self::Robot { axis: Some(axis), .. } => axis.into(),
             _ => Dynamic::UNIT,
         }
     }
-}
-
-/// The number of the axis that a failure names, in digits.
-fn axis_of(failure: &Failure) -> Option<String> {
-    let failure = serde_json::to_value(failure).ok()?;
-    let (_, fields) = failure.as_object()?.iter().next()?;
-    Some(fields.get("axis")?.to_string())
 }
 
 impl From<Trouble> for Box<EvalAltResult> {
@@ -84,12 +109,14 @@ impl From<Trouble> for Box<EvalAltResult> {
     }
 }
 
-/// Makes `kind`, `axis` and `message` of what is caught readable.
+/// Makes `kind`, `axis`, `tick`, `each` and `message` of what is caught readable.
 pub(super) fn register(engine: &mut Engine) {
     engine
         .register_type_with_name::<Trouble>("RobotError")
         .register_get("kind", |trouble: &mut Trouble| trouble.kind())
         .register_get("axis", |trouble: &mut Trouble| trouble.axis())
+        .register_get("tick", |trouble: &mut Trouble| trouble.tick())
+        .register_get("each", |trouble: &mut Trouble| trouble.each())
         .register_get("message", |trouble: &mut Trouble| trouble.to_string())
         .register_fn("to_string", |trouble: &mut Trouble| trouble.to_string())
         .register_fn("to_debug", |trouble: &mut Trouble| format!("{}: {trouble}", trouble.kind()));

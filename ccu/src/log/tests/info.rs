@@ -46,7 +46,7 @@ fn a_log_is_told_the_same_with_its_index_and_without() {
     assert_eq!(told.alarms, [alarm]);
     let channel = told.channels.iter().find(|channel| channel.topic == "/command").expect("a channel");
     assert_eq!((channel.messages, channel.schema.as_deref()), (2, Some("supersigma.Command")));
-    assert_eq!(told.more, BTreeMap::new());
+    assert_eq!(told.more, BTreeMap::from([("part".to_owned(), "1".to_owned())]));
 
     fs::write(&path, &bytes[..bytes.len() - 1]).expect("writable");
     let mut cut = info(&path).expect("a log");

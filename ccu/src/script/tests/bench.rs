@@ -10,7 +10,7 @@ use supersigma_config::Config;
 use supersigma_protocol::{Answer, AxisNumber, Body, Broadcast, Fault, Frame, Sender, Sequence, Tick, Ticks};
 
 use crate::executive::{Common, Executive, Failure, Heard, Knowledge, Link, Movement};
-use crate::script::{Limits, Program, ScriptError, Watcher, lock};
+use crate::script::{Limits, Program, ScriptError, Settings, Watcher, lock};
 
 /// Cards on one bus, all at the same tick.
 pub(super) struct Bench {
@@ -39,6 +39,11 @@ impl Bench {
         let (now, sequence, heard) = (Tick(0), Sequence(0), VecDeque::new());
         let common = Arc::default();
         Self { knowledge, common, cards, now, sequence, heard, emergency: None, failure: None, stop: None }
+    }
+
+    /// The number of an axis.
+    pub(super) fn axis(&self, name: &str) -> AxisNumber {
+        self.knowledge.config.find_axis(name).expect("it exists").address
     }
 
     /// The position of the carriage itself, in steps from where the limit switch opens.
@@ -188,7 +193,11 @@ impl Rig {
     }
 
     pub(super) fn run(&self, source: &str) -> Result<(), ScriptError> {
-        let program = Program::compile("test.rhai", source)?;
+        self.run_with(source, Settings::new())
+    }
+
+    pub(super) fn run_with(&self, source: &str, settings: Settings) -> Result<(), ScriptError> {
+        let program = Program::compile("test.rhai", source)?.with(settings)?;
         let (seen, limits) = (Arc::clone(&self.seen), self.limits.clone());
         let observer = Observer { seen, limits, stop_at: self.stop_at };
         program.run(Arc::clone(&self.executive), Arc::clone(&self.knowledge), observer, &self.limits)
@@ -199,6 +208,11 @@ impl Rig {
         if let Err(error) = self.run(source) {
             panic!("{:?}", miette::Report::new(error));
         }
+        self.printed()
+    }
+
+    /// What has been printed since the last look.
+    pub(super) fn printed(&self) -> Vec<String> {
         std::mem::take(&mut lock(&self.seen).printed)
     }
 

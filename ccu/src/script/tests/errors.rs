@@ -38,7 +38,8 @@ fn an_unknown_function_is_drawn_with_the_nearest_name() {
    ╰────
   help: did you mean `go_to`? the functions of the robot and of this program are `origin`,
         `reference`, `go_to`, `move_by`, `slew`, `line`, `line_to`, `path`, `path_to`, `wait`,
-        `speed`, `output`, `input`, `wait_for`, `position`, `status`, `halt`, `brake`, `clear`"#,
+        `wait_all`, `wait_any`, `is_done`, `now`, `param`, `speed`, `output`, `input`, `wait_for`,
+        `position`, `status`, `halt`, `brake`, `clear`"#,
     );
     assert!(!error.is_robots_fault());
 }
@@ -284,11 +285,11 @@ fn kinds_are_called_as_in_json() {
         (Failure::Stopped { axis, done: Steps(3), position, at: None }, "stopped", Some("left_x")),
         (Failure::Overdue { axis, milliseconds: 500, done: Steps(3), at: None }, "overdue", Some("left_x")),
         (Failure::NotConfirmed { axis }, "not_confirmed", Some("left_x")),
-        (Failure::NoAnswer { card: axis.address(), milliseconds: 500 }, "no_answer", None),
+        (Failure::NoAnswer { card: axis.address(), milliseconds: 500 }, "no_answer", Some("left_x")),
         (Failure::NoLog(no_log), "no_log", None),
     ];
     for (failure, kind, name) in cases {
-        let trouble = Trouble::robot(failure, &rig.knowledge);
+        let trouble = Trouble::robot(failure, &rig.knowledge, None);
         assert_eq!(trouble.kind(), kind);
         let Trouble::Robot { axis, .. } = trouble else { panic!("{trouble:?}") };
         assert_eq!(axis.as_deref(), name);

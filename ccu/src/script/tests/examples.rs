@@ -53,3 +53,18 @@ fn the_recovery_recovers() {
     );
     assert_eq!(rig.carriage("wrist"), 5_000);
 }
+
+#[test]
+fn the_arms_move_together_and_come_home() {
+    let (rig, printed) = run(include_str!("../../../../examples/together.rhai"));
+    assert_eq!(
+        printed,
+        [
+            "round 1: right_x is the last",
+            "the wrist still turns",
+            "round 2: right_x is the last",
+            "the wrist still turns"
+        ]
+    );
+    assert_eq!(stand(&rig), [0; 7]);
+}
