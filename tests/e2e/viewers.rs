@@ -123,7 +123,7 @@ fn what_the_daemon_says_is_in_the_log() {
         find(2, "ccu::daemon::server", "move left_x 100: begun"),
         find(2, "ccu::daemon::server", "move left_x 100: done"),
         find(2, "ccu::daemon::server", "move left_x -5000: axis 1 refused"),
-        find(4, "ccu::daemon", "a worker has ended; all axes brake card="),
+        find(4, "ccu::daemon::keeper", "a worker has ended; all axes brake card="),
         find(4, "left_x", "left_x is locked: braked on command"),
         find(2, "ccu::daemon", "the set goes down"),
     ];
