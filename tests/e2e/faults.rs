@@ -86,7 +86,7 @@ fn a_worker_is_killed_and_the_others_brake() {
     let waiting = cell.start("move left_y 20000 --constant --speed 650");
     cell.until("left_y", "at its speed", |axis| axis["activity"] == "cruising");
     cell.worker(2).signal(Signal::KILL);
-    waiting.end().fails(1, &["the worker of axis 2 (left_y) is gone", "take the set down and up again"]);
+    waiting.end().fails(1, &["the worker of axis 2 (left_y) is gone", "`ccu ps` shows when it is back"]);
     stopped_between(&cell.until("left_x", "has braked", braked));
     for line in ["move left_y 10", "origin left_y", "line left_x=-10 left_y=10"] {
         cell.ccu("clear left_x").done();

@@ -108,7 +108,7 @@ fn a_gap_in_the_log_is_counted_and_told_and_motion_goes_on() {
         .filter(|message| message.channel.topic == "/events")
         .map(|message| serde_json::from_slice::<Value>(&message.data).expect("JSON"))
         .filter(|event| {
-            event["message"].as_str().is_some_and(|text| text.contains("are missing from the log"))
+            event["message"].as_str().is_some_and(|text| text.contains("are missing from the log: number"))
         })
         .map(|event| {
             assert_eq!(event["level"], 4, "{event}");

@@ -155,7 +155,10 @@ fn the_journal_gets_lines_with_priorities() {
         said.contains("a worker has ended").then_some(said)
     });
     let line = said.lines().find(|line| line.contains("a worker has ended")).expect("the line");
-    assert!(line.starts_with("<3>ccu::daemon: a worker has ended; all axes brake card=axis 2"), "{said}");
+    assert!(
+        line.starts_with("<3>ccu::daemon::keeper: a worker has ended; all axes brake card=axis 2"),
+        "{said}"
+    );
     assert!(!said.contains('\u{1b}'), "{said}");
     cell.ccu("down").done();
     assert!(running.0.wait().expect("a child").success());

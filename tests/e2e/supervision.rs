@@ -35,7 +35,7 @@ fn until_back(cell: &Cell, name: &str, restarts: u32) -> Value {
 #[test]
 fn a_killed_worker_comes_back_and_does_not_know_where_its_axis_is() {
     let cell = Cell::new(EXE);
-    let up = cell.up("20");
+    let up = cell.up("2");
     cell.ccu("origin left_x left_y").done();
     cell.ccu("move left_x 500").done();
     let before = process(&cell, "left_y");
@@ -47,7 +47,7 @@ fn a_killed_worker_comes_back_and_does_not_know_where_its_axis_is() {
     let program = cell.file(
         "program.rhai",
         r#"
-            try { move_by("left_y", 60000, #{ speed: 650 }); } catch (error) { print(`caught: ${error.kind}`); }
+            try { move_by("left_y", 20000, 650); } catch (error) { print(`caught: ${error.kind}`); }
             for again in 0..600 { try { status("left_y"); break; } catch { wait(0.1); } }
             clear();
             try { move_by("left_y", 10); } catch (error) { print(`caught: ${error.kind}`); }
@@ -86,7 +86,7 @@ fn a_worker_that_keeps_ending_is_started_less_and_less_often() {
         cell.ccu("kill-worker digital").done();
         until_back(&cell, "digital", restarts);
     }
-    assert!(cell.ccu("input").good().stdout.contains("gripper"));
+    cell.ccu("input").done();
     let table = cell.ccu("ps").good();
     assert_eq!(table.stdout.lines().count(), 11, "titles, CCU, recorder, eight workers: {table}");
     let _ = cell.down();
@@ -106,14 +106,16 @@ fn a_killed_recorder_comes_back_with_another_file() {
     let home = cell.axis("left_x")["position"].as_i64().expect("the position is kept");
     cell.ccu(&format!("move left_x -{home}")).done();
     let second = cell.path("cell.2.mcap");
-    let status = cell.ccu("status --json").good().json();
-    let recorder = &status.last().expect("the recorder")["recorder"];
-    assert_eq!(recorder["parts"], json!([up.log, second]), "{recorder}");
+    eventually("both files in the status", || {
+        let status = cell.ccu("status --json").good().json();
+        let recorder = &status.last().expect("the recorder")["recorder"];
+        (recorder["parts"] == json!([up.log, second])).then_some(())
+    });
     let down = cell.ccu("down").good();
     cell.assert_nothing_left();
     assert!(down.stdout.contains("cell.2.mcap"), "{down}");
     // The first file ends where the recorder was killed; the second is whole, and has the way back.
-    assert!(cell.ccu(&format!("frames --json {}", up.log.display())).stdout.contains("Move"));
+    assert!(cell.ccu(&format!("frames --json {}", up.log.display())).stdout.contains("Originate"));
     let back = |frame: &Value| frame["operation"] == "Move" && frame["steps"] == home;
     assert!(cell.frames(&second).iter().any(back), "the way back");
 }
@@ -156,7 +158,9 @@ fn until_the_brake(signal: Signal, victim: fn(&Cell) -> Process) -> Duration {
     hit.signal(signal);
     let braked = |axis: &Value| axis["alarm"]["cause"] == "braked";
     cell.until("left_x", "has braked", braked);
-    hit.signal(Signal::CONT);
+    if signal == Signal::STOP {
+        hit.signal(Signal::CONT);
+    }
     cell.ccu("down").done();
     let frames = cell.frames(&up.log);
     let brake = frames.iter().find(|frame| frame["operation"] == "Brake").expect("the brake command");
