@@ -11,7 +11,7 @@
 //!
 //! That works because nothing reaches a card but what is on the bus: the CCU's frames, and what the card itself tells of:
 //! that frames are missing, that the CCU is gone. Each answer is bound to such a stimulus, or the machine brings it forth
-//! by itself; see [`life`](self::life).
+//! by itself; see `life`.
 
 mod commands;
 mod life;
