@@ -24,6 +24,8 @@ pub(super) const COMMAND: &str = "/command";
 pub(super) const DIGITAL: &str = "/digital/status";
 /// The topic of the events.
 pub(super) const EVENTS: &str = "/events";
+/// The topic of all axes in one message.
+pub(super) const JOINTS: &str = "/joint_states";
 /// The key of a raw channel's metadata that says which of the two services it carries.
 pub(super) const LANE: &str = "lane";
 

@@ -26,7 +26,11 @@ impl Gap {
 
 /// Everybody who has spoken.
 #[derive(Debug, Default)]
-pub(super) struct Senders(BTreeMap<Sender, Life>);
+pub(super) struct Senders {
+    lives: BTreeMap<Sender, Life>,
+    /// Whether they may have spoken before; then nothing is known to be missing before the first frame of each.
+    joined_late: bool,
+}
 
 #[derive(Debug, Default)]
 struct Life {
@@ -37,10 +41,16 @@ struct Life {
 }
 
 impl Senders {
+    /// Everybody, for one who comes when they may have spoken before.
+    pub(super) fn joined_late() -> Self {
+        Self { joined_late: true, ..Self::default() }
+    }
+
     /// Takes note of a frame: the gap before it, if there is one, and its place in time, which is `wanted` or, so
     /// that a sender's frames keep their order, the place of the one before.
     pub(super) fn note(&mut self, frame: &Frame, wanted: Tick) -> (Option<Gap>, Tick) {
-        let life = self.0.entry(frame.sender).or_default();
+        let first = if self.joined_late { frame.sequence } else { Sequence(0) };
+        let life = self.lives.entry(frame.sender).or_insert(Life { next: first, ..Life::default() });
         let expected = life.next;
         life.next = Sequence(frame.sequence.0.saturating_add(1));
         life.placed = life.placed.max(wanted);
@@ -56,7 +66,7 @@ impl Senders {
 
     /// Whether cards have spoken and each of them has said that it leaves. The CCU does not announce its end.
     pub(super) fn all_cards_left(&self) -> bool {
-        let mut cards = self.0.iter().filter(|(sender, _)| matches!(sender, Sender::Card(_))).peekable();
+        let mut cards = self.lives.iter().filter(|(sender, _)| matches!(sender, Sender::Card(_))).peekable();
         cards.peek().is_some() && cards.all(|(_, life)| life.left)
     }
 }

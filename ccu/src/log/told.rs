@@ -3,7 +3,7 @@
 
 use supersigma_protocol::{AxisNumber, Body, CardKind, Frame, FrameError, Report, Sequence};
 
-use super::channels::{COMMAND, DIGITAL, EVENTS};
+use super::channels::{COMMAND, DIGITAL, EVENTS, JOINTS};
 use super::events::{Event, Watch};
 use super::header::{AxisNames, LogHeader, WallTime};
 use super::joints::{JointStates, Joints};
@@ -45,7 +45,7 @@ impl Topic {
             Self::Command => COMMAND.to_owned(),
             Self::Digital => DIGITAL.to_owned(),
             Self::Events => EVENTS.to_owned(),
-            Self::Joints => "/joint_states".to_owned(),
+            Self::Joints => JOINTS.to_owned(),
             Self::Axis(axis) => format!("/axis/{}/status", names.of(axis)),
         }
     }

@@ -7,7 +7,7 @@ use mcap::records::Channel;
 use supersigma_protocol::{Body, CardKind, Frame, Report};
 
 use super::LogError;
-use super::channels::{EVENTS, MICROBUS};
+use super::channels::{EVENTS, JOINTS, MICROBUS};
 use super::header::{AxisNames, LogHeader, WallTime};
 use super::messages::Messages;
 use super::reader::{LoggedFrame, lane};
@@ -119,9 +119,9 @@ impl Iterator for TwinReader {
     }
 }
 
-/// Everything but the events, which tell of frames in words.
+/// Everything but what follows from several frames, or tells of them in words.
 fn wanted(channel: &Channel) -> bool {
-    channel.topic != EVENTS
+    ![EVENTS, JOINTS].contains(&channel.topic.as_str())
 }
 
 /// Writes the twin that belongs to a frame. Returns whether it has one: a motor's state under an address that is no axis'

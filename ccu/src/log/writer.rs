@@ -124,7 +124,8 @@ impl LogWriter {
         Self::resume(path, 1, header, flush)
     }
 
-    /// The same from this part on, of a log whose earlier parts, from 1, somebody else has written.
+    /// The same from this part on, of a log whose earlier parts, from 1, somebody else has written. What came between them
+    /// and this one is not known to be missing here.
     ///
     /// # Errors
     /// As for [`LogWriter::create`].
@@ -151,7 +152,7 @@ impl LogWriter {
             poll: POLL.min(quarter).max(Duration::from_millis(1)),
             teller: Teller::new(&header),
             header,
-            senders: Senders::default(),
+            senders: if number > 1 { Senders::joined_late() } else { Senders::default() },
             held_commands: VecDeque::new(),
             oldest: None,
             unflushed: 0,

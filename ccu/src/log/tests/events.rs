@@ -180,3 +180,16 @@ fn what_the_daemon_says_stands_where_it_belongs() {
     let words: Vec<String> = events(&path).into_iter().map(|(_, _, message)| message).collect();
     assert_eq!(words, ["before the frame", "in the order of saying", "alone", "last"]);
 }
+
+#[test]
+fn who_comes_late_misses_nothing_that_was_said_before() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let log = dir.path().join("run.mcap");
+    let mut writer = LogWriter::resume(&log, 2, header(), FLUSH).expect("a new file");
+    for frame in [answer(1, 70, 1, HEARTBEAT), answer(2, 9, 2, HEARTBEAT), answer(1, 72, 3, HEARTBEAT)] {
+        let _ = writer.record(lane(&frame), &frame.encode(), frame.tick);
+    }
+    let summary = writer.finish().expect("room");
+    assert_eq!((summary.frames, summary.gaps, summary.lost), (3, 1, 1));
+    assert_eq!(summary.parts, [dir.path().join("run.2.mcap")]);
+}
