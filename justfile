@@ -36,6 +36,7 @@ web-pictures:
 pictures:
     cargo run --release -p supersigma-ccu --example pictures -- --out docs/src/generated
     docs/pictures
+    docs/session
 
 # Write the manual pages of all commands to target/man
 man:
