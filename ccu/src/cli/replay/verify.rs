@@ -3,6 +3,8 @@
 use std::fmt::Write as _;
 use std::io::{self, IsTerminal, Write};
 use std::path::Path;
+use std::sync::mpsc;
+use std::thread;
 use std::time::{Duration, Instant};
 
 use indicatif::ProgressBar;
@@ -14,7 +16,7 @@ use supersigma_protocol::{Address, Frame, FrameError, Tick};
 use super::{Nothing, config_of, log_error, other_version};
 use crate::cli::exit::Exit;
 use crate::cli::show;
-use crate::log::{AxisNames, FrameView, LogError, TwinReader};
+use crate::log::{AxisNames, FrameView, LogError, TwinReader, Twinned};
 use crate::replay::{Difference, DifferenceKind, ReplayError, Setting, Verification, Verifier};
 
 /// The result, for programs.
@@ -100,19 +102,36 @@ pub(super) fn verify(path: &Path, json: bool) -> Result<(), Exit> {
     }
 }
 
+/// Frames that are read while others are being verified: so many at a time, and so many times.
+const BATCH: usize = 1_024;
+const BATCHES: usize = 8;
+
+/// Reading and verifying take about as long, so each has a thread of its own.
 fn read(reader: &mut TwinReader, verifier: &mut Verifier<'_>, bar: &ProgressBar) -> Result<(), ReplayError> {
-    for twinned in reader {
-        if !verifier.take(twinned?)? {
-            break;
-        }
-        let found = verifier.found();
-        if found.frames.is_multiple_of(4_096) {
+    thread::scope(|scope| {
+        let (batches, read) = mpsc::sync_channel::<Vec<Result<Twinned, LogError>>>(BATCHES);
+        scope.spawn(move || {
+            loop {
+                let batch: Vec<_> = reader.by_ref().take(BATCH).collect();
+                // Whoever has found a difference reads no further.
+                if batch.is_empty() || batches.send(batch).is_err() {
+                    break;
+                }
+            }
+        });
+        for batch in read {
+            for twinned in batch {
+                if !verifier.take(twinned?)? {
+                    return Ok(());
+                }
+            }
+            let found = verifier.found();
             let seconds = found.machine_time().as_seconds();
             bar.set_message(format!("{} frames, {seconds:.0} s of machine time", grouped(found.frames)));
             bar.tick();
         }
-    }
-    Ok(())
+        Ok(())
+    })
 }
 
 /// A log does not say how long it is before its end, so this shows how far it is.
