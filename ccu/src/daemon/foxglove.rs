@@ -6,12 +6,12 @@
 
 use std::fmt;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
-use std::path::PathBuf;
 use std::str::FromStr;
 
-use axis_worker::clock::TimeScale;
 use clap::Args;
 use miette::Diagnostic;
+
+use super::listener::ListenerArgs;
 
 /// Where a live view is served.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -53,24 +53,9 @@ pub(super) const fn check(wanted: Option<ViewAddress>) -> Result<(), NotBuilt> {
 /// What the server is told by the daemon.
 #[derive(Debug, Clone, Args)]
 pub struct ViewArgs {
-    /// The set's name
-    #[arg(long)]
-    pub set: String,
-    /// The set's runtime folder
-    #[arg(long, value_name = "DIR")]
-    pub runtime: PathBuf,
-    /// The set's configuration
-    #[arg(long, value_name = "FILE")]
-    pub config: PathBuf,
-    /// The set's tick 0, in nanoseconds of the machine's monotonic clock
-    #[arg(long, value_name = "NS")]
-    pub epoch: u64,
-    /// The same in nanoseconds since 1970
-    #[arg(long, value_name = "NS")]
-    pub wall_epoch: u64,
-    /// How many times faster than real time
-    #[arg(long, value_name = "K", default_value_t = TimeScale::REAL)]
-    pub time_scale: TimeScale,
+    /// The set.
+    #[command(flatten)]
+    pub listener: ListenerArgs,
     /// Where to listen
     #[arg(long, value_name = "ADDR:PORT")]
     pub address: ViewAddress,
@@ -92,7 +77,6 @@ pub use self::server::serve;
 mod server {
     use std::collections::BTreeMap;
     use std::collections::btree_map::Entry;
-    use std::fs;
     use std::io::{self, Write};
     use std::net::SocketAddr;
     use std::sync::Arc;
@@ -100,20 +84,15 @@ mod server {
     use std::thread;
     use std::time::Duration;
 
-    use axis_worker::clock::{Clock, Monotonic};
     use foxglove::{
         ChannelBuilder, Context, FoxgloveError, PartialMetadata, RawChannel, Schema, WebSocketServer,
     };
     use miette::{IntoDiagnostic, WrapErr};
-    use supersigma_config::Config;
-    use supersigma_protocol::bus::shared_memory::{Place, SharedBus};
     use supersigma_protocol::bus::{Bus, Tap};
 
     use super::super::lifeline::Lifeline;
     use super::ViewArgs;
-    use crate::log::{
-        AxisNames, ENCODING, LiveView, LogHeader, Message, SCHEMA_ENCODING, Timeline, Topic, WallTime,
-    };
+    use crate::log::{ENCODING, LiveView, LogHeader, Message, SCHEMA_ENCODING, Topic, WallTime};
 
     /// How often it looks at the bus.
     const LOOK: Duration = Duration::from_millis(10);
@@ -123,28 +102,16 @@ mod server {
     /// # Errors
     /// If the bus fails, or nobody can listen at the address.
     pub fn serve(args: &ViewArgs) -> miette::Result<()> {
-        let text = fs::read_to_string(&args.config)
-            .into_diagnostic()
-            .wrap_err("cannot read the set's configuration")?;
-        let config = Config::from_toml(&text, &args.config.display().to_string())?;
-        let timeline = Timeline { epoch: WallTime(args.wall_epoch), scale: args.time_scale };
-        let header = LogHeader {
-            version: LogHeader::VERSION.to_owned(),
-            set: args.set.clone(),
-            names: AxisNames::from(&config),
-            timeline,
-            config: text,
-            script: None,
-        };
-        let bus = SharedBus::join(&Place::new(&args.runtime).into_diagnostic()?).into_diagnostic()?;
+        let (_, header) = args.listener.read(None)?;
+        let bus = args.listener.bus()?;
         let mut tap = bus.tap().into_diagnostic()?;
-        let clock = Clock::new(Monotonic::from_nanos(args.epoch), args.time_scale);
+        let clock = args.listener.clock();
         let lifeline = Lifeline::watch(clock).into_diagnostic()?;
 
         let context = Context::new();
         let mut channels = Channels::new(&context, &header).into_diagnostic()?;
         let server = WebSocketServer::new()
-            .name(format!("SUPERSIGMA {}", args.set))
+            .name(format!("SUPERSIGMA {}", args.listener.set))
             .bind(args.address.0.ip().to_string(), args.address.0.port())
             .context(&context)
             .start_blocking()

@@ -17,6 +17,7 @@ mod feed;
 pub mod foxglove;
 mod keeper;
 mod lifeline;
+pub mod listener;
 mod process;
 pub mod recorder;
 mod recording;

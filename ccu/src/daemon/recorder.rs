@@ -8,21 +8,17 @@ use std::sync::mpsc::{self, Receiver, SyncSender};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use axis_worker::clock::{Clock, Monotonic, TimeScale};
 use clap::Args;
 use miette::{IntoDiagnostic, WrapErr, miette};
 use rustix::process::Signal;
 use serde::{Deserialize, Serialize};
-use supersigma_config::Config;
 use supersigma_protocol::bus::Bus;
-use supersigma_protocol::bus::shared_memory::{Place, SharedBus};
 use tokio::signal::unix::{SignalKind, signal};
 
 use super::lifeline::Lifeline;
+use super::listener::ListenerArgs;
 use crate::executive::LogTrouble;
-use crate::log::{
-    AxisNames, LogError, LogHeader, LogSummary, LogWriter, RecorderStatus, Rotation, Timeline, WallTime, run,
-};
+use crate::log::{LogError, LogSummary, LogWriter, RecorderStatus, Rotation, run};
 
 /// Words that may wait for a daemon that does not read; news beyond them are dropped, newer ones follow.
 const WAITING_WORDS: usize = 16;
@@ -61,27 +57,12 @@ pub enum Cause {
 /// What the recorder is told by the daemon.
 #[derive(Debug, Clone, Args)]
 pub struct RecorderArgs {
-    /// The set's name
-    #[arg(long)]
-    pub set: String,
-    /// The set's runtime folder
-    #[arg(long, value_name = "DIR")]
-    pub runtime: PathBuf,
-    /// The set's configuration
-    #[arg(long, value_name = "FILE")]
-    pub config: PathBuf,
+    /// The set.
+    #[command(flatten)]
+    pub listener: ListenerArgs,
     /// The program that the set was started for
     #[arg(long, value_name = "FILE")]
     pub script: Option<PathBuf>,
-    /// The set's tick 0, in nanoseconds of the machine's monotonic clock
-    #[arg(long, value_name = "NS")]
-    pub epoch: u64,
-    /// The same in nanoseconds since 1970
-    #[arg(long, value_name = "NS")]
-    pub wall_epoch: u64,
-    /// How many times faster than real time
-    #[arg(long, value_name = "K", default_value_t = TimeScale::REAL)]
-    pub time_scale: TimeScale,
     /// The log
     #[arg(long, value_name = "FILE")]
     pub log: PathBuf,
@@ -96,20 +77,9 @@ pub struct RecorderArgs {
 /// # Errors
 /// If the bus or the log fails and nobody has been told.
 pub fn record(args: &RecorderArgs) -> miette::Result<bool> {
-    let text =
-        fs::read_to_string(&args.config).into_diagnostic().wrap_err("cannot read the set's configuration")?;
-    let config = Config::from_toml(&text, &args.config.display().to_string())?;
     let script = args.script.as_ref().map(fs::read_to_string).transpose();
     let script = script.into_diagnostic().wrap_err("cannot read the set's program")?;
-    let timeline = Timeline { epoch: WallTime(args.wall_epoch), scale: args.time_scale };
-    let header = LogHeader {
-        version: LogHeader::VERSION.to_owned(),
-        set: args.set.clone(),
-        names: AxisNames::from(&config),
-        timeline,
-        config: text,
-        script,
-    };
+    let (config, header) = args.listener.read(script)?;
     let flush = Duration::from_millis(config.log.flush_ms.into());
     outlive_file_size_limit().into_diagnostic()?;
     let mouth = Mouth::open().into_diagnostic()?;
@@ -117,9 +87,9 @@ pub fn record(args: &RecorderArgs) -> miette::Result<bool> {
         Ok(writer) => writer.rotating(Rotation::from(&config.log)),
         Err(error) => return mouth.fail(&error, trouble_at_start(&error)),
     };
-    let bus = SharedBus::join(&Place::new(&args.runtime).into_diagnostic()?).into_diagnostic()?;
+    let bus = args.listener.bus()?;
     let tap = bus.tap().into_diagnostic()?;
-    let clock = Clock::new(Monotonic::from_nanos(args.epoch), args.time_scale);
+    let clock = args.listener.clock();
     let lifeline = Lifeline::watch(clock).into_diagnostic()?;
     mouth.say(Said::Ready);
     let mut last = RecorderStatus::default();
