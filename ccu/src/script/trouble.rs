@@ -10,9 +10,11 @@ use crate::executive::{Failure, Knowledge};
 #[derive(Debug, Clone, thiserror::Error)]
 pub(super) enum Trouble {
     /// The robot, or the way to it.
-    #[error("{failure}")]
+    #[error("{message}")]
     Robot {
         failure: Failure,
+        /// In words, with the names of the set's axes.
+        message: String,
         /// The axis that it concerns, as people call it.
         axis: Option<String>,
         /// When.
@@ -44,7 +46,8 @@ impl Trouble {
             Some(Self::Robot { axis, .. }) => axis.clone(),
             _ => failure.axis().and_then(|axis| knowledge.config.axis(axis)).map(|axis| axis.name.clone()),
         };
-        Self::Robot { axis, tick: failure.at().or(tick), failure, each }
+        let message = failure.told(knowledge);
+        Self::Robot { axis, tick: failure.at().or(tick), failure, message, each }
     }
 
     /// An argument of the wrong type or out of range.
