@@ -32,8 +32,9 @@ fn keeps(limit: Duration, mut once: impl FnMut() -> Duration) {
         }
         took.push(this);
     }
-    let (load, cores) = (load(), thread::available_parallelism().map_or(1, usize::from));
-    if load > 2.0 * cores as f64 {
+    let cores = thread::available_parallelism().map_or(1, usize::from);
+    let (load, bearable) = (load(), f64::from(u32::try_from(2 * cores).expect("a few")));
+    if load > bearable {
         println!("not judged, {load} processes want the {cores} cores: {limit:?} promised, {took:?} taken");
         return;
     }
