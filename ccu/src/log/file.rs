@@ -11,7 +11,7 @@
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Seek, SeekFrom, Write};
-use std::os::unix::fs::FileExt;
+use std::os::unix::fs::{FileExt, OpenOptionsExt};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -27,6 +27,9 @@ use super::LogError;
 const RESERVE: u64 = 2 << 20;
 /// What a flush adds to the summary, generously: a chunk's index.
 const SUMMARY_OF_A_FLUSH: u64 = 512;
+
+/// The mode of a log.
+pub(super) const OWNER_ONLY: u32 = 0o600;
 
 /// A file that holds nothing but whole flushes.
 #[derive(Debug)]
@@ -68,9 +71,9 @@ enum Reserve {
 }
 
 impl LogFile {
-    /// Makes a file that did not exist.
+    /// Makes a file that did not exist, for this user only: whoever reads a log knows what the robot does.
     pub(super) fn create(path: &Path) -> Result<Self, LogError> {
-        let file = OpenOptions::new().write(true).create_new(true).open(path);
+        let file = OpenOptions::new().write(true).create_new(true).mode(OWNER_ONLY).open(path);
         let file = file.map_err(|error| match error.kind() {
             io::ErrorKind::AlreadyExists => LogError::Exists { path: path.to_owned() },
             _ => LogError::Create { path: path.to_owned(), error },
