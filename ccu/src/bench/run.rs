@@ -10,8 +10,7 @@ use serde::Serialize;
 use supersigma_config::MotorError;
 use supersigma_protocol::{Direction, Tick, Ticks};
 
-use super::{BenchMotor, CommandedPulse, Recording, SampleFile};
-use crate::log::LogError;
+use super::{BenchMotor, CommandedPulse, Recording, SampleError, SampleFile};
 
 /// How many samples pass between two calls of who watches.
 const SAMPLES_OF_A_CALL: u64 = 2_048;
@@ -229,7 +228,7 @@ pub enum RunError {
     Motor(#[from] MotorError),
     /// The file cannot be written.
     #[error(transparent)]
-    File(#[from] LogError),
+    File(#[from] SampleError),
 }
 
 /// Writes what the bench tells.
@@ -237,7 +236,7 @@ struct Scribe<'a> {
     file: Option<SampleFile>,
     recording: Option<&'a mut Recording>,
     watch: &'a mut dyn FnMut(Tick) -> ControlFlow<()>,
-    error: Option<LogError>,
+    error: Option<SampleError>,
 }
 
 impl Observer for Scribe<'_> {
