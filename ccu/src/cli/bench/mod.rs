@@ -14,8 +14,8 @@ use super::exit::Exit;
 pub(super) enum BenchCommand {
     /// Pulses of one frequency
     #[command(after_help = "\
-Frequencies are pulses per second; a pulse is a half step. When the last pulse has been given and the rotor
-is at rest, the steps that the encoder counted are compared with those commanded.
+Frequencies are pulses per second; a pulse is a half step. When the last pulse has been given and
+the rotor is at rest, the steps that the encoder counted are compared with those commanded.
 
 Examples:
   ccu bench constant --frequency 20 --steps 16
@@ -26,8 +26,8 @@ Exit codes: 0 the motor made all its steps, 1 it did not, 2 wrongly asked.")]
     Constant(constant::ConstantArgs),
     /// A linear speed profile: up, along, down
     #[command(after_help = "\
-Frequencies are pulses per second; a pulse is a half step. The slopes of acceleration and deceleration
-follow from --ta and --tc, each by itself.
+Frequencies are pulses per second; a pulse is a half step. --ta and --tc give the slopes of
+acceleration and deceleration, each by itself.
 
 Examples:
   ccu bench positioning --f-start 200 --f-max 2000 --ta 0.2 --tb 0.5 --tc 0.1

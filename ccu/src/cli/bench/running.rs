@@ -49,7 +49,7 @@ impl RunArgs {
             .as_ref()
             .map(|(path, form)| SampleFile::create(path, *form, &motor, &run.about(), WallTime::now()))
             .transpose()
-            .map_err(file_error)?;
+            .map_err(|error| file_error(&error))?;
         let (progress, signals) = (progress(run.train.duration().ticks().0), Signals::listen()?);
         let report = run.go(file, None, &mut |now: Tick| {
             progress.set_position(now.0);
@@ -57,7 +57,7 @@ impl RunArgs {
         });
         progress.finish_and_clear();
         let report = report.map_err(|error| match error {
-            RunError::File(error) => file_error(error),
+            RunError::File(error) => file_error(&error),
             RunError::Motor(error) => Exit::wrong(miette!("{error}")),
         })?;
         let mut out = BufWriter::new(io::stdout().lock());
@@ -189,8 +189,8 @@ impl Signals {
     }
 }
 
-fn file_error(error: SampleError) -> Exit {
-    match &error {
+fn file_error(error: &SampleError) -> Exit {
+    match error {
         SampleError::Exists { .. } | SampleError::Create { .. } => Exit::wrong(miette!("{error}")),
         SampleError::Write { .. } => Exit::could_not(miette!("{error}")),
     }
