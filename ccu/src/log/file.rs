@@ -33,7 +33,7 @@ pub(super) const OWNER_ONLY: u32 = 0o600;
 
 /// A file that holds nothing but whole flushes.
 #[derive(Debug)]
-pub(super) struct LogFile {
+pub(crate) struct LogFile {
     file: File,
     pending: Vec<u8>,
     reserve: Reserve,
@@ -78,8 +78,13 @@ impl LogFile {
             io::ErrorKind::AlreadyExists => LogError::Exists { path: path.to_owned() },
             _ => LogError::Create { path: path.to_owned(), error },
         })?;
+        Ok(Self::over(file))
+    }
+
+    /// An empty file that somebody else has made.
+    pub(crate) fn over(file: File) -> Self {
         let ledger = Arc::default();
-        Ok(Self { file, pending: Vec::new(), reserve: Reserve::UpTo(0), flushes: 0, closed: false, ledger })
+        Self { file, pending: Vec::new(), reserve: Reserve::UpTo(0), flushes: 0, closed: false, ledger }
     }
 
     pub(super) fn ledger(&self) -> Arc<Ledger> {
@@ -87,7 +92,7 @@ impl LogFile {
     }
 
     /// Flushes, and gives back what is left of the reserve.
-    pub(super) fn finish(mut self) -> io::Result<File> {
+    pub(crate) fn finish(mut self) -> io::Result<File> {
         self.reserve = Reserve::Never;
         self.flush()?;
         self.file.set_len(self.ledger.bytes())?;
