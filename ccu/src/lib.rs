@@ -1,5 +1,6 @@
 //! The central control unit of a SUPERSIGMA set: the daemon that broadcasts on the MICROBUS, and the command line.
 
+pub mod bench;
 pub mod cli;
 pub mod control;
 pub mod daemon;

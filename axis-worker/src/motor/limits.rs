@@ -37,6 +37,18 @@ pub struct Load {
     pub inertia: f64,
 }
 
+impl Load {
+    /// The motor with this load as a part of it.
+    #[must_use]
+    pub fn on(self, config: &MotorConfig) -> MotorConfig {
+        MotorConfig {
+            friction: config.friction + self.torque,
+            load_inertia: config.load_inertia + self.inertia,
+            ..config.clone()
+        }
+    }
+}
+
 /// One point of the characteristic.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Characteristic {
@@ -121,12 +133,7 @@ pub fn characteristic(
 
 /// At rest with its load; `None` if that is more than the motor can hold.
 fn loaded(config: &MotorConfig, load: Load) -> Result<Option<Rotor>, MotorError> {
-    let config = MotorConfig {
-        friction: config.friction + load.torque,
-        load_inertia: config.load_inertia + load.inertia,
-        ..config.clone()
-    };
-    match Rotor::new(&config, Detent(0)) {
+    match Rotor::new(&load.on(config), Detent(0)) {
         Ok(mut rotor) => {
             rotor.settle(PATIENCE);
             Ok(Some(rotor))

@@ -3,6 +3,7 @@
 
 mod ask;
 mod asked;
+mod bench;
 mod check;
 mod config;
 mod exit;
@@ -262,6 +263,9 @@ Examples:
 
 A file that is there already is replaced.")]
     Plot(plot::PlotArgs),
+    /// The test bench: run a motor, and see whether it makes its steps
+    #[command(subcommand)]
+    Bench(bench::BenchCommand),
     /// Check, show and describe configurations
     #[command(subcommand)]
     Config(config::ConfigCommand),
@@ -377,6 +381,7 @@ impl Command {
             Self::Recover(args) => logs::recover(&args),
             Self::Profile(args) => profile::profile(&args),
             Self::Plot(args) => plot::plot(&args),
+            Self::Bench(command) => bench::bench(&command),
             Self::Config(command) => config::config(&command),
             Self::Completions(args) => paper::completions(&args),
             Self::Man(args) => paper::man(&args),

@@ -1,0 +1,31 @@
+//! `ccu bench`: the test bench of \[M\]. Its arguments and what it prints stand here; the apparatus is
+//! `axis_worker::bench`, what is recorded of it [`crate::bench`].
+
+mod constant;
+mod motor;
+mod positioning;
+
+use clap::Subcommand;
+
+use super::exit::Exit;
+
+#[derive(Subcommand)]
+pub(super) enum BenchCommand {
+    /// Pulses of one frequency (CONST. FREQ.)
+    #[command(after_help = "\
+Examples:
+  ccu bench constant --frequency 20 --steps 16")]
+    Constant(constant::ConstantArgs),
+    /// A linear speed profile (POSITIONING)
+    #[command(after_help = "\
+Examples:
+  ccu bench positioning --f-start 200 --f-max 2000 --ta 0.2 --tb 0.5 --tc 0.1")]
+    Positioning(positioning::PositioningArgs),
+}
+
+pub(super) fn bench(command: &BenchCommand) -> Result<(), Exit> {
+    match command {
+        BenchCommand::Constant(args) => constant::constant(args),
+        BenchCommand::Positioning(args) => positioning::positioning(args),
+    }
+}
