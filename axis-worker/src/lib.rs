@@ -17,6 +17,7 @@ pub mod motor;
 #[deny(clippy::float_arithmetic)]
 pub mod pit8253;
 pub mod ramp;
+pub mod tune;
 pub mod worker;
 
 use tracing_subscriber::Layer;

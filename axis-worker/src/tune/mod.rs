@@ -24,25 +24,31 @@
 //!          t_a = t         t_c = t     last, t_c alone is made as short as holds, and then t_a
 //! ```
 //!
-//! It is deterministic and has an end: at most [`MOST_TRIALS`] trains are played, each on all rungs up to the first slip. The
-//! movement is *fastest* if its last pulse comes soonest; what the rotor swings after that is told apart.
+//! The [bench's profile](linear()) is for one movement. A [ramp of the card](sin2()) is for all: it is stretched until shorter
+//! movements and the emergency stop hold as well.
+//!
+//! The search is deterministic and has an end: at most [`MOST_TRIALS`] movements are played, each on the rungs up to the first
+//! slip; mostly a few hundred. A movement is *fastest* if its last pulse comes soonest; how long the rotor swings after
+//! that is told apart.
 
-mod linear;
+mod card;
+mod positioning;
+mod pulses;
 mod search;
-mod sin2;
 mod stand;
 #[cfg(test)]
 mod tests;
-mod train;
 
 use supersigma_config::MotorError;
 use thiserror::Error;
 
-pub use linear::{Linear, LinearProposal, linear};
-pub use search::MOST_TRIALS;
-pub use sin2::{Sin2Proposal, sin2};
+pub use card::{CardProposal, sin2};
+pub use positioning::{Linear, LinearProposal, linear};
+pub use pulses::Pulses;
 pub use stand::{Assessment, Outcome, Slip, assess, play};
-pub use train::Train;
+
+/// Movements that a search plays at most.
+pub const MOST_TRIALS: u32 = 3 * (search::TOPS * search::RAMPS + (card::STRETCHES + 1) * card::LENGTHS) + search::RAMPS;
 
 /// The part of the holding torque that is kept in hand: 0 up to, but not, 1.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]

@@ -1,55 +1,74 @@
 //! How a ramp is looked for, whatever its shape.
 
+use std::thread;
+
+use supersigma_config::MotorError;
+
+use super::pulses::Pulses;
 use super::stand::Stand;
 
 /// Parts of the start-stop frequency with which a ramp may start.
 const STARTS: [f64; 3] = [1.0, 0.8, 0.6];
 /// How many tops are tried for each start.
-const TOPS: u32 = 12;
+pub(super) const TOPS: u32 = 10;
 /// How many ramps for each top: the longest, and the bisection.
-const RAMPS: u32 = 9;
+pub(super) const RAMPS: u32 = 9;
 /// A ramp is found to this part of itself.
 const PRECISION: f64 = 0.02;
 /// A top lies this much above its start at least, or there is no need of a ramp.
 const LEAST_RISE: f64 = 1.05;
 
-/// Trains that a search plays at most.
-#[expect(clippy::cast_possible_truncation, reason = "three")]
-pub const MOST_TRIALS: u32 = STARTS.len() as u32 * TOPS * RAMPS + FINISH;
-/// What may be tried besides, to make the best ramp better.
-const FINISH: u32 = 4 * RAMPS;
-
-/// A ramp that holds, and how long the movement takes with it.
+/// A ramp, and the movement along it.
 #[derive(Debug, Clone)]
-pub(super) struct Found<R> {
+pub(super) struct Made<R> {
     pub(super) ramp: R,
-    pub(super) ticks: u64,
+    pub(super) pulses: Pulses,
 }
 
-/// The best of what `best_ramp` finds for a start and a top, both in half steps/s: it gives the fastest ramp that holds.
-pub(super) fn search<R>(
+/// What is looked for.
+pub(super) trait Shape: Sync {
+    /// A ramp.
+    type Ramp: Send;
+
+    /// The shortest ramp that holds from a start to a top, both in half steps/s; `None` if there is none that also fits
+    /// into the movement.
+    fn shortest(&self, start: f64, top: f64) -> Option<Made<Self::Ramp>>;
+
+    /// What is still to be done with the best ramp of a start.
+    fn finish(&self, made: Made<Self::Ramp>) -> Option<Made<Self::Ramp>>;
+}
+
+/// The fastest of all movements that a shape finds. Every start has its own thread.
+pub(super) fn search<S: Shape>(
+    shape: &S,
     start_stop: f64,
     stand: &Stand,
-    best_ramp: impl Fn(f64, f64) -> Option<Found<R>>,
-) -> Result<Option<Found<R>>, supersigma_config::MotorError> {
-    let mut best: Option<Found<R>> = None;
-    for part in STARTS {
-        let start = (start_stop * part).floor();
-        let top = stand.pull_out(start / 2.0)?;
-        let mut look = |logarithm: f64| {
-            let found = best_ramp(start, logarithm.exp().round());
-            let ticks = found.as_ref().map_or(u64::MAX, |found| found.ticks);
-            if best.as_ref().is_none_or(|best| ticks < best.ticks) {
-                best = found.or(best.take());
-            }
-            ticks
-        };
-        let lowest = start * LEAST_RISE;
-        if top > lowest {
-            golden_section(lowest.ln(), top.ln(), &mut look);
-        }
+) -> Result<Option<Made<S::Ramp>>, MotorError> {
+    let from = |part: f64| best_top(shape, (start_stop * part).floor(), stand);
+    let found = thread::scope(|scope| {
+        let searches = STARTS.map(|part| scope.spawn(move || from(part)));
+        searches.map(|search| search.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+    });
+    let found = found.into_iter().collect::<Result<Vec<_>, _>>()?;
+    Ok(found.into_iter().flatten().min_by_key(|made| made.pulses.duration()))
+}
+
+/// The same for one start.
+fn best_top<S: Shape>(shape: &S, start: f64, stand: &Stand) -> Result<Option<Made<S::Ramp>>, MotorError> {
+    let (lowest, top) = (start * LEAST_RISE, stand.pull_out(start / 2.0)?);
+    if top <= lowest {
+        return Ok(None);
     }
-    Ok(best)
+    let mut best: Option<Made<S::Ramp>> = None;
+    golden_section(lowest.ln(), top.ln(), &mut |logarithm: f64| {
+        let found = shape.shortest(start, logarithm.exp().round());
+        let ticks = found.as_ref().map_or(u64::MAX, |made| made.pulses.duration().0);
+        if best.as_ref().is_none_or(|best| ticks < best.pulses.duration().0) {
+            best = found.or(best.take());
+        }
+        ticks
+    });
+    Ok(best.and_then(|made| shape.finish(made)))
 }
 
 /// Looks for the smallest value of `look` between `low` and `high`, with [`TOPS`] looks; whoever looks remembers it.

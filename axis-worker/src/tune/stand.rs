@@ -1,11 +1,11 @@
-//! Trains on rotors: does the motor follow, how well, and with how much in hand?
+//! Movements on rotors: does the motor follow, how well, and with how much in hand?
 
-use std::cell::Cell;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use supersigma_config::{MotorConfig, MotorError};
 use supersigma_protocol::{Direction, Ticks};
 
-use super::train::{Train, speed};
+use super::pulses::{Pulses, speed};
 use super::{Margin, TuneError};
 use crate::motor::{Detent, Load, Rotor, pull_out, start_stop};
 
@@ -15,12 +15,12 @@ const PATIENCE: Ticks = Ticks(20_000_000);
 const LOOK: Ticks = Ticks(100);
 /// Half steps from its place at which a rotor counts as settled.
 const SETTLED: f64 = 0.5;
-/// The margin of a train is found to this part of the holding torque.
+/// The margin of a movement is found to this part of the holding torque.
 const FINE: f64 = 0.005;
 /// Half steps/s; no 8253 of this house is meant to go beyond.
 const FASTEST: f64 = 100_000.0;
 
-/// What became of a train.
+/// What became of a pulses.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Outcome {
     /// Every pulse is a step, and the rotor is at rest in the right place. It has stayed within half of a half step of it
@@ -40,14 +40,14 @@ pub struct Slip {
     pub pulse: usize,
     /// When that pulse was, from the start.
     pub at: Ticks,
-    /// The speed of the train there, half steps/s.
+    /// The speed of the field there, half steps/s.
     pub speed: f64,
-    /// Half steps between where the train led and where the rotor came to rest; positive if it lags behind. May be 0: it
+    /// Half steps between where the pulses led and where the rotor came to rest; positive if it lags behind. May be 0: it
     /// has slipped and caught itself.
     pub lost: i64,
 }
 
-/// A train on a motor.
+/// A movement on a motor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Assessment {
     /// From the start to the last pulse.
@@ -62,36 +62,36 @@ pub struct Assessment {
     pub margin: Option<Margin>,
 }
 
-/// Plays a train on a motor that stands at rest, forwards.
+/// Plays pulses on a motor that stands at rest, forwards.
 ///
 /// # Errors
 /// If such a motor cannot be.
-pub fn play(motor: &MotorConfig, train: &Train) -> Result<Outcome, MotorError> {
-    Ok(run(standing(motor)?, train))
+pub fn play(motor: &MotorConfig, pulses: &Pulses) -> Result<Outcome, MotorError> {
+    Ok(run(standing(motor)?, pulses))
 }
 
-/// All that there is to say about a train.
+/// All that there is to say about a pulses.
 ///
 /// # Errors
 /// If the motor cannot be, or not with that margin.
-pub fn assess(motor: &MotorConfig, margin: Margin, train: &Train) -> Result<Assessment, TuneError> {
+pub fn assess(motor: &MotorConfig, margin: Margin, pulses: &Pulses) -> Result<Assessment, TuneError> {
     let stand = Stand::new(motor, margin)?;
-    let nominal = play(motor, train)?;
-    let outcomes = stand.rungs.iter().map(|rung| run(rung.rotor.clone(), train));
+    let nominal = play(motor, pulses)?;
+    let outcomes = stand.rungs.iter().map(|rung| run(rung.rotor.clone(), pulses));
     let slips = outcomes.into_iter().find(|outcome| matches!(outcome, Outcome::Slips(_)));
     Ok(Assessment {
-        duration: train.duration(),
-        top_speed: train.top_speed(),
+        duration: pulses.duration(),
+        top_speed: pulses.top_speed(),
         nominal,
         at_margin: slips.unwrap_or(nominal),
-        margin: margin_of(motor, train, slips.is_none().then_some(margin))?,
+        margin: margin_of(motor, pulses, slips.is_none().then_some(margin))?,
     })
 }
 
-/// The largest margin of a train, which is known to hold with `known`.
-fn margin_of(motor: &MotorConfig, train: &Train, known: Option<Margin>) -> Result<Option<Margin>, TuneError> {
+/// The largest margin of a pulses, which is known to hold with `known`.
+fn margin_of(motor: &MotorConfig, pulses: &Pulses, known: Option<Margin>) -> Result<Option<Margin>, TuneError> {
     let holds = |part: f64| match Stand::at(motor, part) {
-        Ok(stand) => Ok(stand.holds(train)),
+        Ok(stand) => Ok(stand.holds(pulses)),
         Err(TuneError::NoMargin { .. }) => Ok(false),
         Err(error) => Err(error),
     };
@@ -113,7 +113,7 @@ fn margin_of(motor: &MotorConfig, train: &Train, known: Option<Margin>) -> Resul
 /// The motor, weakened and turned as the margin wants it.
 pub(super) struct Stand {
     rungs: Vec<Rung>,
-    trials: Cell<u32>,
+    trials: AtomicU32,
 }
 
 struct Rung {
@@ -148,18 +148,18 @@ impl Stand {
         let turned = MotorConfig { load_torque: -weak.load_torque, ..weak.clone() };
         let both = if weak.load_torque == 0.0 { vec![weak] } else { vec![weak, turned] };
         let rung = |config: MotorConfig| Ok(Rung { rotor: standing(&config)?, config });
-        Ok(Self { rungs: both.into_iter().map(rung).collect::<Result<_, MotorError>>()?, trials: Cell::new(0) })
+        Ok(Self { rungs: both.into_iter().map(rung).collect::<Result<_, MotorError>>()?, trials: AtomicU32::new(0) })
     }
 
-    /// Whether every rung follows the train.
-    pub(super) fn holds(&self, train: &Train) -> bool {
-        self.trials.set(self.trials.get() + 1);
-        self.rungs.iter().all(|rung| follows(rung.rotor.clone(), train))
+    /// Whether every rung follows the pulses.
+    pub(super) fn holds(&self, pulses: &Pulses) -> bool {
+        self.trials.fetch_add(1, Ordering::Relaxed);
+        self.rungs.iter().all(|rung| follows(rung.rotor.clone(), pulses))
     }
 
-    /// Trains played so far.
+    /// Movements played so far.
     pub(super) fn trials(&self) -> u32 {
-        self.trials.get()
+        self.trials.load(Ordering::Relaxed)
     }
 
     /// The smallest start-stop frequency of all rungs; `None` if one does not start.
@@ -197,8 +197,8 @@ fn standing(motor: &MotorConfig) -> Result<Rotor, MotorError> {
 }
 
 /// Whether the rotor follows; it is not played to the end if it does not.
-fn follows(mut rotor: Rotor, train: &Train) -> bool {
-    for period in train.periods() {
+fn follows(mut rotor: Rotor, pulses: &Pulses) -> bool {
+    for period in pulses.periods() {
         rotor.advance(Ticks(u64::from(*period)));
         rotor.pulse(Direction::Forward);
         if rotor.slips() > 0 {
@@ -213,10 +213,10 @@ fn is_in_place(rotor: &Rotor) -> bool {
     rotor.is_at_rest() && rotor.slips() == 0 && rotor.detent() == rotor.field()
 }
 
-/// The whole train, and until the rotor is at rest.
-fn run(mut rotor: Rotor, train: &Train) -> Outcome {
+/// The whole pulses, and until the rotor is at rest.
+fn run(mut rotor: Rotor, pulses: &Pulses) -> Outcome {
     let (mut now, mut slip) = (0, None);
-    for (pulse, period) in (1..).zip(train.periods()) {
+    for (pulse, period) in (1..).zip(pulses.periods()) {
         rotor.advance(Ticks(u64::from(*period)));
         now += u64::from(*period);
         rotor.pulse(Direction::Forward);
@@ -238,7 +238,7 @@ fn run(mut rotor: Rotor, train: &Train) -> Outcome {
     if is_in_place(&rotor) {
         return Outcome::Follows { settled };
     }
-    let last = train.periods().last().map_or(0.0, |period| speed(*period));
-    let late = Slip { pulse: train.len(), at: Ticks(now), speed: last, lost: 0 };
+    let last = pulses.periods().last().map_or(0.0, |period| speed(*period));
+    let late = Slip { pulse: pulses.len(), at: Ticks(now), speed: last, lost: 0 };
     Outcome::Slips(Slip { lost: rotor.field().0 - rotor.detent().0, ..slip.unwrap_or(late) })
 }

@@ -6,9 +6,9 @@ use crate::ramp::Plan;
 
 /// The pulses of one movement.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Train(Vec<u32>);
+pub struct Pulses(Vec<u32>);
 
-impl Train {
+impl Pulses {
     /// One pulse at the end of each of these periods, in ticks.
     #[must_use]
     pub const fn new(periods: Vec<u32>) -> Self {
@@ -46,7 +46,7 @@ impl Train {
     }
 }
 
-impl From<&Plan> for Train {
+impl From<&Plan> for Pulses {
     fn from(plan: &Plan) -> Self {
         Self(plan.runs().iter().flat_map(|run| std::iter::repeat_n(run.period, run.pulses as usize)).collect())
     }
