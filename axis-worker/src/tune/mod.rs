@@ -43,9 +43,9 @@ use supersigma_config::MotorError;
 use thiserror::Error;
 
 pub use card::{CardProposal, sin2};
-pub use positioning::{Linear, LinearProposal, linear};
+pub use positioning::{LinearProposal, linear};
 pub use pulses::Pulses;
-pub use stand::{Assessment, Outcome, Slip, assess, play};
+pub use stand::{Assessment, Outcome, Slip, assess, lags, play};
 
 /// Movements that a search plays at most.
 pub const MOST_TRIALS: u32 = 3 * (search::TOPS * search::RAMPS + (card::STRETCHES + 1) * card::LENGTHS) + search::RAMPS;

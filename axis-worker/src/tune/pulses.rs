@@ -2,6 +2,7 @@
 
 use supersigma_protocol::{Tick, Ticks};
 
+use crate::bench::Train;
 use crate::ramp::Plan;
 
 /// The pulses of one movement.
@@ -49,6 +50,13 @@ impl Pulses {
 impl From<&Plan> for Pulses {
     fn from(plan: &Plan) -> Self {
         Self(plan.runs().iter().flat_map(|run| std::iter::repeat_n(run.period, run.pulses as usize)).collect())
+    }
+}
+
+impl From<&Train> for Pulses {
+    fn from(train: &Train) -> Self {
+        // A clock of the bench is two ticks.
+        Self(train.periods().map(|period| period.clocks() * 2).collect())
     }
 }
 

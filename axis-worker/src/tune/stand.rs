@@ -70,6 +70,34 @@ pub fn play(motor: &MotorConfig, pulses: &Pulses) -> Result<Outcome, MotorError>
     Ok(run(standing(motor)?, pulses))
 }
 
+/// How far the rotor is behind the field, in half steps, just before each pulse and, from the last one on, every 50 µs until
+/// it is at rest, but a tenth of a second at most: what [`play`] makes of a motor, to look at. A lag of more than 4 is
+/// past the unstable point.
+///
+/// # Errors
+/// If such a motor cannot be.
+pub fn lags(motor: &MotorConfig, pulses: &Pulses) -> Result<Vec<(Ticks, f64)>, MotorError> {
+    let mut rotor = standing(motor)?;
+    let mut now = Ticks(0);
+    let mut lags = Vec::with_capacity(pulses.len());
+    let mut look = |rotor: &mut Rotor, span: Ticks| {
+        rotor.advance(span);
+        now.0 += span.0;
+        #[expect(clippy::cast_precision_loss, reason = "at most 65 535 half steps")]
+        lags.push((now, rotor.field().0 as f64 - rotor.motion().half_steps));
+    };
+    for period in pulses.periods() {
+        look(&mut rotor, Ticks(u64::from(*period)));
+        rotor.pulse(Direction::Forward);
+    }
+    let mut left = 100 * Ticks::from_millis(1).0;
+    while !rotor.is_at_rest() && left > 0 {
+        look(&mut rotor, LOOK);
+        left -= LOOK.0;
+    }
+    Ok(lags)
+}
+
 /// All that there is to say about a pulses.
 ///
 /// # Errors
