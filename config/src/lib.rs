@@ -12,7 +12,9 @@ mod model;
 mod motor;
 mod origin;
 mod problem;
+mod profile;
 mod ramp;
+mod ramps;
 mod rules;
 mod schema;
 #[cfg(test)]
@@ -23,10 +25,11 @@ pub use fault::{ConfigError, Fault};
 pub use load::DEFAULT_TOML;
 pub use model::{
     AxisConfig, Config, DigitalConfig, ExecutiveConfig, Feedback, FollowingConfig, InputConfig, LineConfig,
-    LogConfig, OnLoss, OriginationConfig, OutputConfig, RailConfig, RampConfig, ShortMoves,
-    SupervisionConfig, TravelConfig,
+    LogConfig, OnLoss, OriginationConfig, OutputConfig, RailConfig, SupervisionConfig,
+    TravelConfig,
 };
 pub use motor::{HALF_STEPS_PER_CYCLE, MotorConfig, MotorError};
 pub use origin::{Origin, Source};
 pub use problem::{Problem, choose};
-pub use ramp::{RampError, SPEEDS};
+pub use profile::{CountTable, Differences, Linear, Profile, ProfileName, RampConfig, ShortMoves, Sin2};
+pub use ramp::{RampError, SMALLEST_N, SPEEDS};

@@ -6,11 +6,12 @@ use std::sync::Arc;
 
 use miette::NamedSource;
 use toml::Spanned;
-use toml::de::{DeTable, DeValue};
+use toml::de::DeValue;
 
 use crate::document::{self, floor_char_boundary, key_near, locate};
 use crate::fault::{ConfigError, Fault};
 use crate::problem::Problem;
+use crate::ramps::{self, TableFile};
 use crate::rules::{self, Finding};
 use crate::{Config, KeyPath, deserialize};
 
@@ -18,24 +19,33 @@ use crate::{Config, KeyPath, deserialize};
 pub const DEFAULT_TOML: &str = include_str!("../supersigma.toml");
 
 impl Config {
-    /// Reads and checks a file.
+    /// Reads and checks a file. The tables that its ramps name are looked for beside it.
     ///
     /// # Errors
     ///
     /// [`ConfigError`]: the file cannot be read, is not TOML, does not fit the model, or breaks rules.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, ConfigError> {
         let path = path.as_ref();
-        Self::from_toml(&read(path)?, &path.display().to_string())
+        Ok(Self::beside(path.parent(), &read(path)?, &path.display().to_string())?.0)
     }
 
     /// Reads and checks a text. `source_name` is what errors call it: a file, or where else it came from.
     ///
-    /// An axis's own ramp has from the set's ramp what it leaves out.
+    /// An axis's own ramp has from the set's ramp what it leaves out. A text names no files, since it is beside nothing.
     ///
     /// # Errors
     ///
     /// [`ConfigError`]: the first syntax error, the first value that does not fit the model, or all broken rules.
     pub fn from_toml(text: &str, source_name: &str) -> Result<Self, ConfigError> {
+        Ok(Self::beside(None, text, source_name)?.0)
+    }
+
+    /// Reads and checks a text that stands in `folder`, and says where the tables are that were read from files.
+    pub(crate) fn beside(
+        folder: Option<&Path>,
+        text: &str,
+        source_name: &str,
+    ) -> Result<(Self, Vec<TableFile>), ConfigError> {
         let source =
             || NamedSource::new(source_name, Arc::<str>::from(printable(text))).with_language("toml");
         let mut root = document::parse(text).map_err(|error| {
@@ -46,8 +56,8 @@ impl Config {
             };
             ConfigError::One(Box::new(Fault::new(&source(), key, &error.span, None, problem)))
         })?;
-        inherit_ramp(&mut root);
-        let config: Self = deserialize::deserialize(&root).map_err(|mismatch| {
+        let files = ramps::prepare(&mut root, folder, &source).map_err(ConfigError::One)?;
+        let mut config: Self = deserialize::deserialize(&root).map_err(|mismatch| {
             let span = mismatch.span.unwrap_or_default();
             let problem = match mismatch.problem {
                 Problem::MissingKey { key: "axis" } => Problem::NoAxis,
@@ -55,13 +65,14 @@ impl Config {
             };
             ConfigError::One(Box::new(Fault::new(&source(), mismatch.key, &span, None, problem)))
         })?;
+        ramps::fill(&mut config, &files);
         let findings = rules::check(&config);
         if findings.is_empty() {
-            return Ok(config);
+            return Ok((config, files));
         }
         let source = source();
         let mut faults: Vec<Fault> =
-            findings.into_iter().map(|finding| place(&source, &root, finding)).collect();
+            findings.into_iter().map(|finding| place(&source, &root, &files, finding)).collect();
         faults.sort_by_key(|fault| (fault.line(), fault.column()));
         Err(match <[Fault; 1]>::try_from(faults) {
             Ok([fault]) => ConfigError::One(Box::new(fault)),
@@ -114,7 +125,7 @@ fn is_control(character: char) -> bool {
 }
 
 /// The text as it may be shown: a control character is a `?`, or a `·` where it has two bytes, so that places stay true.
-fn printable(text: &str) -> String {
+pub(crate) fn printable(text: &str) -> String {
     let shown = |character: char| match character {
         control if is_control(control) && control.len_utf8() == 1 => '?',
         control if is_control(control) => '·',
@@ -123,38 +134,17 @@ fn printable(text: &str) -> String {
     text.chars().map(shown).collect()
 }
 
-/// Gives each axis's own ramp, in the tree, what it leaves out of the set's; so places stay true.
-pub(crate) fn inherit_ramp(root: &mut Spanned<DeValue<'_>>) {
-    let DeValue::Table(root) = root.get_mut() else {
-        return;
-    };
-    let Some(set_ramp) = root.get("ramp").and_then(|ramp| ramp.get_ref().as_table()).cloned() else {
-        return;
-    };
-    let Some(DeValue::Array(elements)) = root.get_mut("axis").map(Spanned::get_mut) else {
-        return;
-    };
-    for element in elements.iter_mut() {
-        let DeValue::Table(axis) = element.get_mut() else {
-            continue;
-        };
-        if let Some(DeValue::Table(own)) = axis.get_mut("ramp").map(Spanned::get_mut) {
-            fill_up(own, &set_ramp);
-        }
-    }
-}
-
-fn fill_up<'i>(own: &mut DeTable<'i>, from: &DeTable<'i>) {
-    for (key, value) in from {
-        if !own.contains_key(key.get_ref().as_ref()) {
-            own.insert(key.clone(), value.clone());
-        }
-    }
-}
-
 /// Finds a broken rule's place: its value, or the other value when only that is written, or the table around it.
-fn place(text: &NamedSource<Arc<str>>, root: &Spanned<DeValue<'_>>, finding: Finding) -> Fault {
+fn place(
+    text: &NamedSource<Arc<str>>,
+    root: &Spanned<DeValue<'_>>,
+    files: &[TableFile],
+    finding: Finding,
+) -> Fault {
     let Finding { key, other, problem } = finding;
+    if let Some((table, span)) = files.iter().find_map(|file| file.place(&key)) {
+        return Fault::new(table, key, &span, None, problem);
+    }
     let find = |key: &KeyPath| locate(root, key);
     let other = other.as_ref().and_then(|other| find(other).ok());
     match (find(&key), other) {

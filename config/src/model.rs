@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use supersigma_protocol::{AxisNumber, Position, SpeedIndex, Steps};
 
-use crate::MotorConfig;
+use crate::{MotorConfig, RampConfig};
 
 /// A whole set.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -32,56 +32,6 @@ pub struct Config {
     /// The digital input and output cards.
     #[serde(default)]
     pub digital: DigitalConfig,
-}
-
-/// The speed-time curve V(t) = amplitude · sin²(omega · t + phase), \[C\] eq. (3), and its table.
-///
-/// The paper prints an amplitude of 14 000, which contradicts its own text (650 steps/s at t = 0, 15 000 at
-/// t = 0.3 s); with 15 000 every other figure of the paper agrees.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct RampConfig {
-    /// Steps per second.
-    pub amplitude: f64,
-    /// Radians per second.
-    pub omega: f64,
-    /// Radians.
-    pub phase: f64,
-    /// Ticks of 0.5 µs from one entry of the table to the next: 2 580 is the paper's 1.29 ms.
-    #[schemars(range(min = 1))]
-    pub interval_ticks: u32,
-    /// The same for an emergency stop: shorter, so that the same table makes a steeper ramp.
-    #[schemars(range(min = 1))]
-    pub brake_interval_ticks: u32,
-    /// Steps kept in reserve between the computed end of the deceleration and the target, 65 535 at most.
-    #[schemars(range(max = 65_535))]
-    pub offset: u32,
-    /// How movements too short for the whole ramp are made.
-    pub short_moves: ShortMoves,
-}
-
-impl Default for RampConfig {
-    fn default() -> Self {
-        Self {
-            amplitude: 15_000.0,
-            omega: 4.544_26,
-            phase: 0.209_7,
-            interval_ticks: 2_580,
-            brake_interval_ticks: 860,
-            offset: 10,
-            short_moves: ShortMoves::Optimal,
-        }
-    }
-}
-
-/// How movements are made that are too short for the whole ramp.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum ShortMoves {
-    /// Up the curve and, half-way, back down it.
-    Optimal,
-    /// \[C\]: the same differences with a larger initial N, constant speed below 200 steps.
-    Paper,
 }
 
 /// Lines.
@@ -194,7 +144,7 @@ pub struct AxisConfig {
     /// How the origin is found.
     #[serde(default)]
     pub origination: OriginationConfig,
-    /// A ramp of its own. What it leaves out is as in the set's ramp.
+    /// A ramp of its own. What it leaves out is as in the set's ramp, if both have the same profile.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ramp: Option<RampConfig>,
     /// Whether the card believes its pulses, or measures the shaft; closed loop needs a `motor` with its encoder.

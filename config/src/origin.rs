@@ -2,12 +2,15 @@
 
 use std::fmt;
 use std::path::Path;
+use std::sync::Arc;
 
+use miette::NamedSource;
 use toml::de::DeValue;
 use toml::{Spanned, Table, Value};
 
 use crate::document::{self, line_and_column, locate};
-use crate::load::{inherit_ramp, read};
+use crate::load::read;
+use crate::ramps::{self, TableFile};
 use crate::{Config, ConfigError, DEFAULT_TOML, KeyPath};
 
 /// What the text of the built-in set is called.
@@ -64,19 +67,30 @@ impl Config {
             Some(path) => (read(path)?, path.display().to_string()),
             None => (DEFAULT_TOML.to_owned(), BUILT_IN.to_owned()),
         };
-        let config = Self::from_toml(&text, &name)?;
+        let folder = file.and_then(Path::parent);
+        let (config, tables) = Self::beside(folder, &text, &name)?;
         let effective: Table = toml::from_str(&config.to_toml())
             .unwrap_or_else(|error| panic!("a configuration that TOML cannot hold: {error}"));
         let mut values = vec![];
         flatten(&Value::Table(effective), &KeyPath::default(), &mut values);
         let mut root = document::parse(&text).ok();
         if let Some(root) = &mut root {
-            inherit_ramp(root);
+            // It was good a moment ago, and the tables are known.
+            let _ = ramps::prepare(root, folder, &|| NamedSource::new(&name, Arc::from("")));
         }
-        let source = |key: &KeyPath| root.as_ref().and_then(|root| written(root, key, &text, &name));
+        let source = |key: &KeyPath| {
+            let in_file = || tables.iter().find_map(|table| in_table(table, key));
+            in_file().or_else(|| root.as_ref().and_then(|root| written(root, key, &text, &name)))
+        };
         let origin = |(key, value)| Origin { source: source(&key).unwrap_or(Source::Default), key, value };
         Ok(values.into_iter().map(origin).collect())
     }
+}
+
+fn in_table(table: &TableFile, key: &KeyPath) -> Option<Source> {
+    let (text, span) = table.place(key)?;
+    let (line, column) = line_and_column(text.inner(), span.start);
+    Some(Source::Written { text: text.name().to_owned(), line, column })
 }
 
 fn written(root: &Spanned<DeValue<'_>>, key: &KeyPath, text: &str, name: &str) -> Option<Source> {

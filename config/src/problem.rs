@@ -1,8 +1,10 @@
 //! Everything that can be wrong with a configuration, what it is called, and what to do about it.
 
+use std::path::PathBuf;
+
 use thiserror::Error;
 
-use crate::RampError;
+use crate::{ProfileName, RampError};
 
 /// What is wrong with one value. Where it stands is in the [`Fault`](crate::Fault) around it.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -161,6 +163,36 @@ pub enum Problem {
         /// Steps.
         lower_zone: u32,
     },
+    /// A key that another profile has.
+    #[error("`{key}` belongs to the profile {}, and this ramp is `{}`", ProfileName::owners(key), profile.word())]
+    OtherProfile {
+        /// The key.
+        key: String,
+        /// Whose it is, or the first of those.
+        owner: ProfileName,
+        /// What the ramp is.
+        profile: ProfileName,
+    },
+    /// A table in a file and in the text.
+    #[error("`file` and `counts` both give the table")]
+    TwoTables,
+    /// A file that is beside nothing.
+    #[error("this text comes from no file, beside which the table could be looked for")]
+    NoFolder,
+    /// A table that cannot be read.
+    #[error("the table {} cannot be read: {reason}", path.display())]
+    TableUnreadable {
+        /// Its file.
+        path: PathBuf,
+        /// Why not.
+        reason: String,
+    },
+    /// A line of a table that is no count.
+    #[error("{found:?} is not a whole number from 0 to 65 535")]
+    TableLine {
+        /// What stands there.
+        found: String,
+    },
     /// A ramp that cannot be played.
     #[error("this ramp cannot be used: {0}")]
     Ramp(#[from] RampError),
@@ -224,6 +256,19 @@ impl Problem {
                     "give a value above `{below}`; 0 < lower_zone < reference < upper_zone < length"
                 ));
             }
+            Self::OtherProfile { owner, profile, .. } => {
+                let keys: Vec<_> = profile.keys().iter().map(|key| format!("`{key}`")).collect();
+                let (keys, owner) = (keys.join(", "), owner.word());
+                return Some(match profile {
+                    ProfileName::Linear => format!(
+                        "a linear ramp has {keys}, and its interval is t_a / 232; or write `profile = \"{owner}\"`"
+                    ),
+                    _ => format!("a {} ramp has {keys}; or write `profile = \"{owner}\"`", profile.word()),
+                });
+            }
+            Self::MissingKey { key: "file" } => {
+                return Some("name a `file` with the numbers N, one a line, or write them: `counts = [3076, …]`".to_owned());
+            }
             Self::WrongType { expected, .. } if expected == "an array of tables" => {
                 "write its header in double brackets, once for each, as [[axis]]"
             }
@@ -257,21 +302,11 @@ impl Problem {
             }
             Self::TravelReversed { .. } => "exchange `min` and `max`, or correct one of them",
             Self::OriginationTooFast { .. } => "lower `origination.speed`, or widen `rail.lower_zone`",
-            Self::Ramp(RampError::NotFinite { .. }) => "write a plain number",
-            Self::Ramp(RampError::NoInterval) => "the paper's 1.29 ms are 2580 ticks of 0.5 µs",
-            Self::Ramp(RampError::NoBrakeInterval | RampError::BrakeSlower { .. }) => {
-                "give it 1 or more, but no more than `interval_ticks`; a third of that is usual"
-            }
-            Self::Ramp(RampError::OffsetTooLong { .. }) => "give 65535 or less; the paper keeps 10",
-            Self::Ramp(RampError::Undividable { .. }) => {
-                "change `amplitude` (the top speed), or `phase` (with it, the lowest)"
-            }
-            Self::Ramp(RampError::SpeedFalls { .. }) => {
-                "keep omega · 232 · interval_ticks · 0.5 µs + phase at or below π/2, the top of the curve"
-            }
-            Self::Ramp(RampError::TooSteep { .. }) => {
-                "enlarge `phase` for a higher first speed, or make the interval shorter"
-            }
+            Self::TwoTables => "remove one of them",
+            Self::NoFolder => "write the numbers themselves, `counts = [3076, …]`, or load the configuration as a file",
+            Self::TableUnreadable { .. } => "`file` is looked for beside the configuration; name one that exists",
+            Self::TableLine { .. } => "write one number N a line; what follows a `#` is a comment",
+            Self::Ramp(error) => advice_on_ramp(error),
             Self::NoSuchBit { .. } => "give 0 to 15",
             Self::BitTaken { .. } => "give each line a bit of its own, 0 to 15",
             Self::DelayWithoutCause { .. } => "name the output that it follows, or remove the delay",
@@ -286,7 +321,37 @@ impl Problem {
     pub(crate) const fn about_the_other(&self) -> &'static str {
         match self {
             Self::AddressTaken { .. } | Self::NameTaken { .. } | Self::BitTaken { .. } => "first used here",
+            Self::OtherProfile { .. } => "the profile",
+            Self::TwoTables => "the other one",
             _ => "compared with this",
+        }
+    }
+}
+
+const fn advice_on_ramp(error: &RampError) -> &'static str {
+    match error {
+        RampError::NotFinite { .. } => "write a plain number",
+        RampError::NoInterval => "the paper's 1.29 ms are 2580 ticks of 0.5 µs",
+        RampError::NoTime { .. } => "give the seconds from `f_start` to `f_max`; the paper's ramp takes 0.3",
+        RampError::IntervalTooLong { .. } => "make it shorter; the paper's ramp takes 0.3 s",
+        RampError::Falls { .. } => "exchange the two, or correct one of them",
+        RampError::Length { .. } => "give 2 to 233 numbers N; the last one holds to the end of the ramp",
+        RampError::NoBrakeInterval | RampError::BrakeSlower { derived: false, .. } => {
+            "give it 1 or more, but no more than `interval_ticks`; a third of that is usual"
+        }
+        RampError::BrakeSlower { derived: true, .. } => {
+            "give it no more than t_a / 232 in ticks of 0.5 µs, or leave it out: then it is a third of that"
+        }
+        RampError::OffsetTooLong { .. } => "give 65535 or less; the paper keeps 10",
+        RampError::Undividable { .. } => {
+            "change the top speed (`amplitude`, `f_max`, the last N), or the lowest (`phase`, `f_start`, the first N)"
+        }
+        RampError::SpeedFalls { .. } => {
+            "keep omega · 232 · interval_ticks · 0.5 µs + phase at or below π/2, the top of the curve; the N of a table \
+             never rise"
+        }
+        RampError::TooSteep { .. } => {
+            "write `differences = \"wide\"`, or begin faster (`phase`, `f_start`), or make the interval shorter"
         }
     }
 }

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use std::hash::Hash;
 
 use crate::problem::Problem;
-use crate::{AxisConfig, Config, Feedback, KeyPath, MotorConfig, RampConfig, RampError, SPEEDS};
+use crate::{AxisConfig, Config, Feedback, KeyPath, MotorConfig, Profile, RampConfig, RampError, SPEEDS};
 
 /// Positions are then far from the ends of their type.
 const LONGEST_RAIL: u32 = 1_000_000;
@@ -27,7 +27,7 @@ pub(crate) fn check(config: &Config) -> Vec<Finding> {
     let set_ramp = config.ramp.counts();
     let root = KeyPath::default();
     if let Err(error) = &set_ramp {
-        findings.ramp(&root.key("ramp"), error.clone());
+        findings.ramp(&root.key("ramp"), &config.ramp, error.clone());
     }
     findings.axes(config);
     for (index, axis) in config.axes.iter().enumerate() {
@@ -38,7 +38,7 @@ pub(crate) fn check(config: &Config) -> Vec<Finding> {
             Some(own) => own.counts().inspect_err(|error| {
                 // What it has from the set's ramp was told there.
                 if set_ramp.as_ref().err() != Some(error) {
-                    findings.ramp(&key.key("ramp"), error.clone());
+                    findings.ramp(&key.key("ramp"), own, error.clone());
                 }
             }),
         };
@@ -115,12 +115,18 @@ impl Findings {
         }
     }
 
-    fn ramp(&mut self, table: &KeyPath, error: RampError) {
-        let key = error.parameter().map_or_else(|| table.clone(), |parameter| table.key(parameter));
+    fn ramp(&mut self, table: &KeyPath, ramp: &RampConfig, error: RampError) {
+        let key = match (error.parameter(), error.entry(), &ramp.profile) {
+            (Some(parameter), ..) => table.key(parameter),
+            (None, Some(entry), Profile::Table(_)) => table.key("counts").index(entry.into()),
+            _ => table.clone(),
+        };
         match error {
-            RampError::BrakeSlower { .. } => {
-                self.between(key, table.key("interval_ticks"), error.into());
+            RampError::BrakeSlower { derived, .. } => {
+                let of = if derived { "t_a" } else { "interval_ticks" };
+                self.between(key, table.key(of), error.into());
             }
+            RampError::Falls { .. } => self.between(key, table.key("f_start"), error.into()),
             _ => self.add(key, error.into()),
         }
     }

@@ -2,6 +2,7 @@
 //! each way to be wrong has a text; its message names file, line, column and key.
 
 mod files;
+mod profiles;
 mod rules;
 mod shape;
 
@@ -66,10 +67,9 @@ fn an_axis_ramp_has_the_rest_from_the_set() {
     let text = axis_and("ramp = { amplitude = 14000 }\n[ramp]\noffset = 12\nshort_moves = \"paper\"\n");
     let config = Config::from_toml(&text, "set.toml").expect("sound");
     let own = RampConfig {
-        amplitude: 14_000.0,
         offset: 12,
         short_moves: ShortMoves::Paper,
-        ..RampConfig::default()
+        ..Sin2 { amplitude: 14_000.0, ..Sin2::default() }.into()
     };
     assert_eq!(config.axes[0].ramp, Some(own));
     // A fault that comes from the set's ramp is told once, one of its own where it stands.
@@ -157,6 +157,23 @@ fn the_effective_default_set_comes_back() {
     assert_eq!(Config::from_toml(&set.to_toml(), "shown").expect("sound"), set);
 }
 
+/// Profiles of which the carriage can stop from entry 90 within 400 steps, with differences of one byte.
+fn any_profile() -> impl Strategy<Value = Profile> {
+    prop_oneof![
+        (10_000.0..15_000.0_f64)
+            .prop_map(|amplitude| Profile::Sin2(Sin2 { amplitude, ..Sin2::default() })),
+        (600.0..700.0_f64, 4_000.0..8_000.0_f64, 0.1..0.3_f64)
+            .prop_map(|(f_start, f_max, t_a)| Profile::Linear(Linear { f_start, f_max, t_a })),
+        (proptest::collection::vec(0..=8_u16, 2..=233), 1_000..3_000_u32).prop_map(|(falls, interval_ticks)| {
+            let counts = falls.iter().scan(3_000, |n, fall| {
+                *n -= fall;
+                Some(*n)
+            });
+            Profile::Table(CountTable { counts: counts.collect(), interval_ticks })
+        }),
+    ]
+}
+
 prop_compose! {
     /// Any sound axis but for address and name.
     fn any_axis()(
@@ -164,7 +181,7 @@ prop_compose! {
         gaps in (1..500_u32, 1..20_000_u32, 1..5_000_u32),
         start in 0..=1_000_u32,
         speed in 0..=90_u8,
-        ramp in proptest::option::of((10_000.0..15_000.0_f64, 0..=65_535_u32)),
+        ramp in proptest::option::of((any_profile(), 0..=65_535_u32, any::<bool>())),
         reach in 0.0..=1.0_f64,
         motor in proptest::option::of((0.1..5.0_f64, 1e-5..1e-2_f64)),
     ) -> AxisConfig {
@@ -183,7 +200,10 @@ prop_compose! {
             },
             travel: TravelConfig { min: Position(max / 2), max: Position(max) },
             origination: OriginationConfig { speed: SpeedIndex::new(speed).expect("at most 90") },
-            ramp: ramp.map(|(amplitude, offset)| RampConfig { amplitude, offset, ..RampConfig::default() }),
+            ramp: ramp.map(|(profile, offset, wide)| {
+                let differences = if wide { Differences::Wide } else { Differences::Byte };
+                RampConfig { offset, differences, ..profile.into() }
+            }),
             feedback: if motor.is_some() { Feedback::Closed } else { Feedback::Open },
             following: FollowingConfig { s1: 20.0 + reach, ..FollowingConfig::default() },
             motor: motor.map(|(holding_torque, rotor_inertia)| MotorConfig { holding_torque, rotor_inertia, ..MotorConfig::bench() }),
@@ -195,12 +215,12 @@ proptest! {
     #[test]
     fn every_sound_set_comes_back(
         axes in proptest::collection::vec(any_axis(), 1..=7),
-        ramp in (10_000.0..15_000.0_f64, 0..=65_535_u32, any::<bool>()),
+        ramp in (any_profile(), 0..=65_535_u32, any::<bool>()),
         heartbeat_ms in 1..10_000_u32,
         lines in proptest::collection::vec((any::<bool>(), 0..1_000_u32, any::<bool>()), 0..=16),
     ) {
         let mut set = Config::default_set();
-        set.ramp = RampConfig { amplitude: ramp.0, offset: ramp.1, ..set.ramp };
+        set.ramp = RampConfig { offset: ramp.1, ..ramp.0.into() };
         set.ramp.short_moves = if ramp.2 { ShortMoves::Paper } else { ShortMoves::Optimal };
         set.supervision = SupervisionConfig { heartbeat_ms, silent_ms: 2 * heartbeat_ms + 1, restart: true };
         set.axes = axes;

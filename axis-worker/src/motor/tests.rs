@@ -1,7 +1,7 @@
 //! The rotor against closed forms and the source's claims, with the ramp's own pulses; the encoder against a naive oracle.
 
 use proptest::prelude::*;
-use supersigma_config::{MotorConfig, RampConfig};
+use supersigma_config::{MotorConfig, Sin2};
 use supersigma_protocol::{Direction, Distance, SpeedIndex, Tick, Ticks};
 
 use super::*;
@@ -21,7 +21,7 @@ fn rotor(config: &MotorConfig) -> Rotor {
 
 /// The ramp of the default set with another top; the same shape, so everything scales.
 fn table(amplitude: f64) -> Table {
-    Table::new(&RampConfig { amplitude, ..RampConfig::default() }).expect("a usable ramp")
+    Table::new(&Sin2 { amplitude, ..Sin2::default() }.into()).expect("a usable ramp")
 }
 
 fn full(table: &Table, half_steps: u16) -> Plan {

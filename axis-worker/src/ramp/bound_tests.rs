@@ -1,9 +1,10 @@
 //! Every plan against the curve that it is made from, and every follower's periods against each other.
 
 use proptest::prelude::*;
-use supersigma_config::{RampConfig, ShortMoves};
+use supersigma_config::{Profile, RampConfig, ShortMoves};
 use supersigma_protocol::{Direction, Distance, SpeedIndex, Tick};
 
+use super::any::any_ramp;
 use super::*;
 
 /// From here on a movement has so many periods that their grain is lost in the whole.
@@ -164,6 +165,40 @@ proptest! {
         let table = table(ShortMoves::Optimal);
         let plan = Plan::fastest(&table, steps(lead), SpeedIndex::new(limit).expect("in range"));
         check_follower(&table, &plan, own, lead);
+    }
+
+    /// Along any profile the plan is as good: never behind the curve by more than the grain of its periods, and ahead of it by
+    /// no more than an interval of the table on either side.
+    #[test]
+    fn along_every_profile_movements_are_as_short_as_the_curve_allows(
+        ramp in any_ramp(), length in 1_u16.., limit in 0_u8..=232,
+    ) {
+        let limit = SpeedIndex::new(limit).expect("in range");
+        let (table, curve) = (Table::new(&ramp).expect("usable"), Curve::new(&ramp));
+        let distance = steps(length);
+        let along_curve = curve.seconds(&table, distance, limit) * as_f64(Tick::PER_SECOND);
+        let duration = as_f64(Plan::fastest(&table, distance, limit).duration());
+        // A period is never faster than the curve at its begin, so each ramp may lose a first period; N is a whole number.
+        let grain = f64::from(table.period(SpeedIndex::START)) + along_curve * 0.02;
+        let lead = 2.0 * f64::from(ramp.interval_ticks()) + along_curve * 0.02;
+        let excess = duration - along_curve;
+        prop_assert!((-lead..=grain).contains(&excess), "{duration} ticks, {along_curve} along the curve");
+    }
+
+    /// The closed forms of every profile against plain sums of little pieces.
+    #[test]
+    fn the_area_under_every_curve_is_the_steps(ramp in any_ramp(), part in 0.0..1.2_f64) {
+        let curve = Curve::new(&ramp);
+        let seconds = curve.end() * if matches!(ramp.profile, Profile::Sin2(_)) { part.min(1.0) } else { part };
+        let width = seconds / 10_000.0;
+        let middle = |piece: u32| (f64::from(piece) + 0.5) * width;
+        let area: f64 = (0..10_000).map(|piece| curve.speed(middle(piece)) * width).sum();
+        let steps = curve.steps(seconds);
+        prop_assert!((steps - area).abs() < 1e-3 + steps * 1e-4, "{} and {}", steps, area);
+        // The slope is that of the speed. A piece in which it jumps is up to a thirty-fifth of an interval long.
+        let rise: f64 = (0..10_000).map(|piece| curve.acceleration(middle(piece)) * width).sum();
+        let risen = curve.speed(seconds) - curve.speed(0.0);
+        prop_assert!((rise - risen).abs() < 1.0 + curve.speed(seconds) * 0.05, "{} and {}", rise, risen);
     }
 
     /// The closed forms against plain sums of little pieces, and against each other.

@@ -13,13 +13,16 @@
 //!                          the other            in reverse
 //! ```
 //!
-//! The *table* holds N for 233 speeds, 1.29 ms apart (\[C\] eq. (2), (3)). A *walk* turns it into periods: each
+//! The *table* holds N for 233 speeds, 1.29 ms apart (\[C\] eq. (2), (3)), or those of another profile: a linear one, or a
+//! table of counts. Nothing below the table knows which. A *walk* turns it into periods: each
 //! period has the entry that is due when it begins, because a count written to a running 8253 waits for the end of
 //! the period. A *plan* is one movement: runs of equal periods, each with the tick at which the firmware writes its
 //! count. Both directions of the question — the tick of a pulse, the pulses by a tick — are then one search among
 //! a few hundred runs, however long the movement. A *schedule* is a plan, or an axis' share of the plan of a
 //! line's leading axis.
 
+#[cfg(test)]
+pub(crate) mod any;
 #[cfg(test)]
 mod bound_tests;
 mod curve;

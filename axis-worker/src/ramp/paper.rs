@@ -12,6 +12,7 @@
 //!
 //! A ramp is never changed before it ends, so a movement of ns ≥ 2·na + offset is long. A shorter one starts with a
 //! larger N and subtracts the same differences: every ramp lasts as long, but has fewer steps (\[C\] Fig 10 and 11).
+//! (So it is with every profile; only a table with fewer than 233 entries has shorter ramps, which end at its last one.)
 //! Where the paper reads that N off a hyperbola fitted to Fig 11, we search for the smallest one that fits. Below 200
 //! steps the movement has one constant speed. What this costs is the paper's own open problem; see [`Plan::fastest`].
 
@@ -29,12 +30,12 @@ pub(super) fn plan(table: &Table, distance: Distance, limit: SpeedIndex) -> Plan
     if total < VERY_SHORT || limit == SpeedIndex::START {
         return Plan::constant(table, distance, SpeedIndex::START);
     }
-    let Some(ramp) = Ramp::longest_within(table, limit, total) else {
+    let Some(ramp) = Ramp::longest_within(table, limit.min(table.last()), total) else {
         return Plan::constant(table, distance, SpeedIndex::START);
     };
     let mut plan = Plan::default();
     ramp.climb(&mut plan);
-    let descent_from = total - ramp.pulses() - table.offset().0;
+    let descent_from = total - ramp.reserve();
     let cruise = descent_from - plan.total().0;
     plan.push(cruise, ramp.period(ramp.top), Phase::Cruising, None);
     ramp.descend(&mut plan, total);
@@ -50,10 +51,13 @@ struct Ramp<'a> {
 }
 
 impl<'a> Ramp<'a> {
-    /// The ramp with the smallest initial N of which two, and the offset, fit into `total` pulses.
+    /// The ramp with the smallest initial N of which the way up and down fit into `total` pulses.
     fn longest_within(table: &'a Table, limit: SpeedIndex, total: u32) -> Option<Self> {
         let top = usize::from(limit.get());
-        let fits = |raised| 2 * Self { table, top, raised }.pulses() + table.offset().0 <= total;
+        let fits = |raised| {
+            let ramp = Self { table, top, raised };
+            ramp.pulses() + ramp.reserve() <= total
+        };
         let (mut low, mut high) = (0, 65_535 - u32::from(table.counts()[0]) - 1);
         if !fits(high) {
             return None;
@@ -90,6 +94,14 @@ impl<'a> Ramp<'a> {
         climb.total().0
     }
 
+    /// What is left of a movement when it goes down: na + offset, as in the paper. A ramp so steep that its first period takes
+    /// up many entries has more steps down than up; then those, and one at low speed.
+    fn reserve(&self) -> u32 {
+        let mut down = Plan::default();
+        self.slow_down(&mut down);
+        (self.pulses() + self.table.offset().0).max(down.total().0 + 1)
+    }
+
     /// From entry 0 to the end of the interval that belongs to `top`.
     fn climb(&self, plan: &mut Plan) {
         for entry in 0..self.top {
@@ -100,14 +112,19 @@ impl<'a> Ramp<'a> {
 
     /// Entries below `top` down to 0, then low speed up to `total` pulses.
     fn descend(&self, plan: &mut Plan, total: u32) {
-        let began = plan.duration();
-        let mut written = began;
+        let written = self.slow_down(plan);
+        plan.push(total - plan.total().0, self.period(0), Phase::Creeping, Some(written));
+    }
+
+    /// Entries below `top` down to 1; says when that of 0 is written.
+    fn slow_down(&self, plan: &mut Plan) -> u64 {
+        let mut written = plan.duration();
         for entry in (1..self.top).rev() {
             let next = written + self.table.interval().0;
             self.push(plan, entry, Phase::Decelerating, written, next);
             written = next;
         }
-        plan.push(total - plan.total().0, self.period(0), Phase::Creeping, Some(written));
+        written
     }
 
     /// The run of `entry`, whose count is written at `written` and replaced at `due`.

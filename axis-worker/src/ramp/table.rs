@@ -1,12 +1,15 @@
-//! The table of \[C\] and the two walks up it. Made once per axis; never changed afterwards.
+//! The table of the firmware and the two walks up it, whatever the profile. Made once per axis; never changed afterwards.
 
-use supersigma_config::{RampConfig, RampError, ShortMoves};
+use supersigma_config::{RampConfig, RampError, SMALLEST_N, ShortMoves};
 use supersigma_protocol::{SpeedIndex, Steps, Tick, Ticks};
 
 use super::REACTION;
 
 /// Entries of the table: 0 ..= 232.
 pub(super) const ENTRIES: usize = SpeedIndex::TOP.get() as usize + 1;
+
+// The count of the next period is written while a period runs.
+const _: () = assert!(REACTION.0 <= SMALLEST_N as u64);
 
 /// Steps per second by which a speed that is asked for may miss an entry.
 const GRACE: f64 = 0.5;
@@ -15,7 +18,8 @@ const GRACE: f64 = 0.5;
 #[derive(Debug)]
 pub struct Table {
     counts: [u16; ENTRIES],
-    differences: [u8; ENTRIES - 1],
+    differences: [u16; ENTRIES - 1],
+    last: SpeedIndex,
     interval: Ticks,
     offset: Steps,
     method: ShortMoves,
@@ -32,15 +36,16 @@ impl Table {
         let counts = ramp.counts()?;
         let mut differences = [0; ENTRIES - 1];
         for (difference, pair) in differences.iter_mut().zip(counts.windows(2)) {
-            *difference = u8::try_from(pair[0] - pair[1]).unwrap_or(u8::MAX);
+            *difference = pair[0] - pair[1];
         }
         Ok(Self {
             counts,
             differences,
-            interval: Ticks(ramp.interval_ticks.into()),
+            last: SpeedIndex::new(ramp.profile.last_entry()).unwrap_or(SpeedIndex::TOP),
+            interval: Ticks(ramp.interval_ticks().into()),
             offset: Steps(ramp.offset),
             method: ramp.short_moves,
-            normal: Walk::new(&counts, ramp.interval_ticks),
+            normal: Walk::new(&counts, ramp.interval_ticks()),
             steep: Walk::new(&counts, ramp.brake_interval_ticks),
         })
     }
@@ -51,10 +56,17 @@ impl Table {
         &self.counts
     }
 
-    /// N(i) − N(i + 1): the 232 bytes of \[C\] Table 2.
+    /// N(i) − N(i + 1): the 232 bytes of \[C\] Table 2, or as many wide differences.
     #[must_use]
-    pub fn differences(&self) -> &[u8] {
+    pub fn differences(&self) -> &[u16] {
         &self.differences
+    }
+
+    /// The last entry that the profile has of its own: [`SpeedIndex::TOP`], but of a table with fewer entries, whose last
+    /// one holds from there on.
+    #[must_use]
+    pub fn last(&self) -> SpeedIndex {
+        self.last
     }
 
     /// The period of entry `index` in ticks: N + 1, \[C\] eq. (1).
@@ -185,7 +197,7 @@ impl Walk {
 
 /// When entry `entry` is due in a ramp that begins at 0: the first difference is subtracted as soon as the motor has been
 /// started, each further one an `interval` later. So entry i + 1 rules from i intervals on, half an interval ahead of the
-/// continuous curve on average: by 232 intervals the ramp has made 2 586 steps, the curve 2 579.
+/// continuous curve on average: by 232 intervals the default ramp has made 2 586 steps, its curve 2 579.
 pub(super) fn due(entry: usize, interval: u64) -> u64 {
     match entry {
         0 => 0,

@@ -1,14 +1,32 @@
-//! Goldens with the source's numbers, and every plan against what a plan must be.
+//! Goldens with the source's numbers, and every plan, along every profile, against what a plan must be.
 
 use proptest::prelude::*;
-use supersigma_config::{RampConfig, ShortMoves};
+use supersigma_config::{CountTable, Differences, Linear, RampConfig, ShortMoves};
 use supersigma_protocol::{Direction, Distance, SpeedIndex};
 
+use super::any::any_ramp;
 use super::*;
 
 fn table(method: ShortMoves) -> Table {
     Table::new(&RampConfig { short_moves: method, ..RampConfig::default() })
         .expect("the default ramp is good")
+}
+
+fn any_method() -> impl Strategy<Value = ShortMoves> {
+    prop_oneof![Just(ShortMoves::Optimal), Just(ShortMoves::Paper)]
+}
+
+/// A ramp of any profile, planned by one of the methods.
+fn any_table(method: impl Strategy<Value = ShortMoves>) -> impl Strategy<Value = Table> {
+    (any_ramp(), method).prop_map(|(ramp, short_moves)| {
+        Table::new(&RampConfig { short_moves, ..ramp }).expect("such a ramp is good")
+    })
+}
+
+/// The longest period from which a movement may end: that of the first speed, but for the entry that comes within the first
+/// period.
+fn slow_enough(table: &Table) -> u32 {
+    table.normal().period(1)
 }
 
 fn steps(steps: u16) -> Distance {
@@ -27,6 +45,39 @@ fn the_table_is_the_papers() {
     assert_eq!(table.differences().iter().map(|d| u32::from(*d)).sum::<u32>(), 2_944);
     assert_eq!((table.counts()[0], table.counts()[232]), (3_076, 132));
     assert_eq!((table.period(SpeedIndex::START), table.period(SpeedIndex::TOP)), (3_077, 133));
+}
+
+#[test]
+fn a_linear_walk_by_hand() {
+    let linear = Linear { f_start: 200.0, f_max: 2_520.0, t_a: 0.58 };
+    let ramp = RampConfig { differences: Differences::Wide, ..linear.into() };
+    let table = Table::new(&ramp).expect("usable");
+    assert_eq!(table.differences()[..3], [476, 433, 395]);
+    assert_eq!(table.interval(), Ticks(5_000));
+    // The first period, 10 000 ticks, ends when entry 3 is due (2 · 5 000), at 230 steps/s, 8 696 ticks; that ends at
+    // 18 696, where entry 4, due at 15 000, rules: 240 steps/s, 8 333 ticks; that at 27 029, after entry 6 was due at
+    // 25 000: 260 steps/s, 7 692 ticks.
+    let plan = Plan::ramped(&table, Distance::MAX, SpeedIndex::TOP);
+    assert_eq!([1, 2, 3, 4].map(|pulse| plan.period(pulse)), [10_000, 8_696, 8_333, 7_692]);
+    // Before entry 232, due after 231 intervals, 0.577 5 s: 200 · 0.577 5 + 4 000 / 2 · 0.577 5² = 782.5 steps along the
+    // line; it is read half an interval early on average, which is 2 320 · 0.001 25 = 2.9 steps more.
+    assert_eq!(table.normal().pulses().0, 785);
+}
+
+#[test]
+fn the_ramp_of_a_short_table_ends_where_the_table_does() {
+    for short_moves in [ShortMoves::Optimal, ShortMoves::Paper] {
+        let counts = CountTable { counts: vec![3_000, 2_800, 2_600, 2_400], interval_ticks: 10_000 };
+        let table = Table::new(&RampConfig { short_moves, ..counts.into() }).expect("usable");
+        assert_eq!(table.last().get(), 3);
+        assert_eq!(table.period(SpeedIndex::TOP), 2_401);
+        let plan = Plan::ramped(&table, steps(1_000), SpeedIndex::TOP);
+        let runs: Vec<_> = plan.runs().iter().map(|run| run.period).collect();
+        // Entry 1 is overtaken.
+        assert!(runs.starts_with(&[3_001]) && runs.contains(&2_601) && runs.contains(&2_401), "{runs:?}");
+        // Twice 3 intervals of 10 000 ticks, and the rest at 2 401: nothing waits for entries that are not there.
+        assert!((2_380_000..2_425_000).contains(&plan.duration()), "{short_moves:?}: {}", plan.duration());
+    }
 }
 
 #[test]
@@ -75,12 +126,12 @@ fn the_optimal_method_solves_the_papers_open_problem() {
 }
 
 /// What every plan must be, whatever made it.
-fn check(plan: &Plan, total: u32, longest_period: u32) {
+fn check(table: &Table, plan: &Plan, total: u32, longest_period: u32) {
     assert_eq!(plan.total().0, total);
     let (mut before, mut end, mut written, mut period) = (0, 0, 0, 0);
     for run in plan.runs() {
         assert_eq!((run.before, run.start), (before, end), "runs follow each other: {run:?}");
-        assert!((133..=longest_period).contains(&run.period), "{run:?}");
+        assert!((table.period(SpeedIndex::TOP)..=longest_period).contains(&run.period), "{run:?}");
         if let Some(tick) = run.written {
             assert!(tick >= written, "counts are written in order: {run:?}");
             assert!(run.pulses == 0 || tick <= run.start, "a count is written before it rules: {run:?}");
@@ -121,7 +172,7 @@ fn every_length_can_be_planned_by_both_methods() {
     for method in [ShortMoves::Paper, ShortMoves::Optimal] {
         let table = table(method);
         for length in (1..=6_000).chain([10_000, 65_534, 65_535]) {
-            check(&Plan::ramped(&table, steps(length), SpeedIndex::TOP), length.into(), 65_536);
+            check(&table, &Plan::ramped(&table, steps(length), SpeedIndex::TOP), length.into(), 65_536);
         }
     }
 }
@@ -142,27 +193,26 @@ fn optimal_plans_never_change_speed_by_more_than_the_full_ramp_does() {
 proptest! {
     #[test]
     fn plans_are_what_the_chip_makes_of_their_writes(
-        length in 1_u16..=9_000, limit in 0_u8..=232, paper: bool,
+        table in any_table(any_method()), length in 1_u16..=9_000, limit in 0_u8..=232,
     ) {
-        let table = table(if paper { ShortMoves::Paper } else { ShortMoves::Optimal });
         let limit = SpeedIndex::new(limit).expect("in range");
         let plan = Plan::ramped(&table, steps(length), limit);
-        check(&plan, length.into(), 65_536);
+        check(&table, &plan, length.into(), 65_536);
         prop_assert!(plan.runs().iter().all(|run| run.pulses == 0 || run.period >= table.period(limit)));
         prop_assert_eq!(pulses_from_writes(&plan), pulses_from_plan(&plan));
     }
 
     #[test]
     fn a_stop_leaves_the_past_and_the_running_period_alone(
-        length in 1_u16..=9_000, limit in 0_u8..=232, paper: bool, part in 0.0..1.0_f64, steep: bool, again in 0_u64..400_000,
+        table in any_table(any_method()), length in 1_u16..=9_000, limit in 0_u8..=232, part in 0.0..1.0_f64,
+        steep: bool, again in 0_u64..400_000,
     ) {
-        let table = table(if paper { ShortMoves::Paper } else { ShortMoves::Optimal });
         let plan = Plan::ramped(&table, steps(length), SpeedIndex::new(limit).expect("in range"));
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss, reason = "any tick will do")]
         let tick = (plan.duration() as f64 * part) as u64;
         let mut stopped = plan.clone();
         stopped.stop(&table, tick, if steep { Stop::Brake } else { Stop::Halt });
-        check(&stopped, stopped.total().0, 65_536);
+        check(&table, &stopped, stopped.total().0, 65_536);
         prop_assert!(stopped.total() <= plan.total());
         let running = plan.pulses_by(tick) + 1;
         for pulse in 1..=running.min(plan.total().0) {
@@ -172,7 +222,10 @@ proptest! {
             prop_assert!(stopped.period(pulse) >= stopped.period(pulse - 1), "a stop never speeds up");
         }
         if stopped != plan {
-            prop_assert!(stopped.period(stopped.total().0) >= 2_914, "the last period is slow enough to stop from");
+            prop_assert!(
+                stopped.period(stopped.total().0) >= slow_enough(&table),
+                "the last period is slow enough to stop from"
+            );
         }
         // The same stop again changes nothing.
         let mut again_now = stopped.clone();
@@ -183,15 +236,15 @@ proptest! {
         // A brake after a halt shortens what is left, and never the past.
         let mut twice = stopped.clone();
         twice.stop(&table, tick + again, Stop::Brake);
-        check(&twice, twice.total().0, 65_536);
+        check(&table, &twice, twice.total().0, 65_536);
         prop_assert!(twice.total() <= stopped.total());
     }
 
     #[test]
     fn a_path_passes_joints_as_fast_as_they_and_the_curve_allow(
+        table in any_table(Just(ShortMoves::Optimal)),
         legs in prop::collection::vec((1_u16..=6_000, 0_u8..=232, 0_u8..=232), 1..=16),
     ) {
-        let table = table(ShortMoves::Optimal);
         let index = |index| SpeedIndex::new(index).expect("in range");
         let legs: Vec<Leg> = legs
             .into_iter()
@@ -199,7 +252,7 @@ proptest! {
             .collect();
         let plan = Plan::path(&table, &legs);
         let total = legs.iter().map(|leg| leg.distance.steps().0).sum();
-        check(&plan, total, 3_077);
+        check(&table, &plan, total, table.period(SpeedIndex::START));
         prop_assert_eq!(pulses_from_writes(&plan), pulses_from_plan(&plan));
         let (mut before, mut apart) = (0, 0);
         for (leg, next) in legs.iter().zip(legs.iter().skip(1).map(Some).chain([None])) {
@@ -215,12 +268,13 @@ proptest! {
             before = end;
         }
         prop_assert!(plan.duration() <= apart, "running on is never slower than stopping");
-        prop_assert!(plan.period(total) >= 2_914, "it ends slowly");
+        prop_assert!(plan.period(total) >= slow_enough(&table), "it ends slowly");
     }
 
     #[test]
-    fn pulses_by_is_the_inverse_of_tick_of(length in 1_u16..=65_535, pulse in 1_u32..=65_535) {
-        let table = table(ShortMoves::Optimal);
+    fn pulses_by_is_the_inverse_of_tick_of(
+        table in any_table(any_method()), length in 1_u16..=65_535, pulse in 1_u32..=65_535,
+    ) {
         let plan = Plan::ramped(&table, steps(length), SpeedIndex::TOP);
         let pulse = pulse.min(plan.total().0);
         prop_assert_eq!(plan.pulses_by(plan.tick_of(pulse)), pulse);
@@ -229,10 +283,10 @@ proptest! {
 
     #[test]
     fn followers_stay_within_a_step_of_the_line(
-        lead in 1_u16..=20_000, own in 1_u16..=20_000, part in 0.0..1.5_f64, steep: bool,
+        table in any_table(Just(ShortMoves::Optimal)), lead in 1_u16..=20_000, own in 1_u16..=20_000,
+        part in 0.0..1.5_f64, steep: bool,
     ) {
         let (lead, own) = (lead.max(own), own.min(lead));
-        let table = table(ShortMoves::Optimal);
         let plan = Plan::fastest(&table, steps(lead), SpeedIndex::TOP);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss, reason = "any tick will do")]
         let tick = (plan.duration() as f64 * part) as u64;

@@ -4,7 +4,7 @@
 use std::f64::consts::FRAC_PI_2;
 use std::sync::OnceLock;
 
-use supersigma_config::{MotorConfig, RampConfig, RampError};
+use supersigma_config::{Differences, Linear, MotorConfig, Profile, RampConfig, RampError, Sin2};
 use supersigma_protocol::{Distance, SpeedIndex, Tick};
 
 use super::pulses::Pulses;
@@ -38,20 +38,31 @@ pub struct CardProposal {
     pub trials: u32,
 }
 
-/// The fastest movement of `distance` half steps along a sin² ramp that holds with `margin`, for shorter movements too, and
-/// for its whole length; its emergency stop is made as steep as holds.
+/// The shapes that are proposed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum CardShape {
+    /// \[M\]: one slope from the start to the top.
+    Linear,
+    /// \[C\]: steepest half-way.
+    Sin2,
+}
+
+/// The fastest movement of `distance` half steps along a ramp of this shape that holds with `margin`, for shorter movements
+/// too, and for its whole length; its emergency stop is made as steep as holds. If the differences of the table do not
+/// fit into bytes, it is a wide one.
 ///
 /// # Errors
 /// If the motor cannot be, cannot hold its load with that margin, or does not start; or if the card can play no such ramp.
-pub fn sin2(
+pub fn card(
     motor: &MotorConfig,
     distance: Distance,
     margin: Margin,
+    shape: CardShape,
     current: &RampConfig,
 ) -> Result<CardProposal, TuneError> {
     let stand = Stand::new(motor, margin)?;
     let start_stop = stand.start_stop()?.ok_or(TuneError::WillNotStart { margin })?;
-    let curve = Curve { distance, current, stand: &stand, unplayable: OnceLock::new() };
+    let curve = Curve { shape, distance, current, stand: &stand, unplayable: OnceLock::new() };
     let made = match search(&curve, start_stop, &stand)? {
         Some(made) => made,
         None => curve.slow(start_stop, margin)?,
@@ -61,6 +72,7 @@ pub fn sin2(
 }
 
 struct Curve<'a> {
+    shape: CardShape,
     distance: Distance,
     current: &'a RampConfig,
     stand: &'a Stand,
@@ -71,17 +83,24 @@ struct Curve<'a> {
 impl Curve<'_> {
     /// From `start` to `top` steps/s, which is reached with the last entry.
     fn ramp(&self, start: f64, top: f64, interval: u32) -> RampConfig {
-        let phase = ((start / top).sqrt().asin() * 1e6).round() / 1e6;
         let seconds = f64::from(interval) * INTERVALS / TICKS_PER_SECOND;
-        // The last entry lies before the crest, not behind it.
-        let omega = ((FRAC_PI_2 - phase) / seconds * 1e5).floor() / 1e5;
-        RampConfig {
-            amplitude: top,
-            omega,
-            phase,
-            interval_ticks: interval,
-            brake_interval_ticks: interval,
-            ..self.current.clone()
+        let profile = match self.shape {
+            CardShape::Linear => {
+                // Rounded to a microsecond, which is less than would change the interval.
+                let t_a = (seconds * 1e6).round() / 1e6;
+                Profile::Linear(Linear { f_start: start, f_max: top, t_a })
+            }
+            CardShape::Sin2 => {
+                let phase = ((start / top).sqrt().asin() * 1e6).round() / 1e6;
+                // The last entry lies before the crest, not behind it.
+                let omega = ((FRAC_PI_2 - phase) / seconds * 1e5).floor() / 1e5;
+                Profile::Sin2(Sin2 { amplitude: top, omega, phase, interval_ticks: interval })
+            }
+        };
+        let ramp = RampConfig { profile, brake_interval_ticks: interval, ..self.current.clone() };
+        match ramp.counts() {
+            Err(RampError::TooSteep { .. }) => RampConfig { differences: Differences::Wide, ..ramp },
+            _ => ramp,
         }
     }
 
@@ -128,7 +147,8 @@ impl Shape for Curve<'_> {
 
     fn shortest(&self, start: f64, top: f64) -> Option<Made<RampConfig>> {
         let made = |interval| self.whole(self.ramp(start, top, interval));
-        // At most so long that both ramps are the movement. The mean speed of a sin² is a little above half of both.
+        // At most so long that both ramps are the movement. The mean speed of a sin² is a little above half of both,
+        // and the last period of a ramp is whole.
         let longest = interval(f64::from(self.distance.get()) / (start + top));
         let longest = (0..20).map(|less| longest - longest / 40 * less).find(|longest| made(*longest).is_some())?;
         let holds = |interval| made(interval).is_some_and(|made| self.stand.holds(&made.pulses));
@@ -137,11 +157,10 @@ impl Shape for Curve<'_> {
 
     /// Makes the ramp so long that every shorter movement holds as well.
     fn finish(&self, made: Made<RampConfig>) -> Option<Made<RampConfig>> {
-        let RampConfig { amplitude, interval_ticks, .. } = made.ramp;
-        let start = amplitude * made.ramp.phase.sin().powi(2);
-        let mut interval = interval_ticks;
+        let (start, top) = ends(&made.ramp.profile)?;
+        let mut interval = made.ramp.interval_ticks();
         for _ in 0..=STRETCHES {
-            let ramp = self.ramp(start, amplitude, interval);
+            let ramp = self.ramp(start, top, interval);
             let table = self.table(&ramp)?;
             if self.holds_throughout(&table) {
                 return Some(Made { pulses: movement(&table, self.distance), ramp });
@@ -149,6 +168,15 @@ impl Shape for Curve<'_> {
             interval += interval / 10 + 1;
         }
         None
+    }
+}
+
+/// Start and top of what [`Curve::ramp`] makes.
+fn ends(profile: &Profile) -> Option<(f64, f64)> {
+    match *profile {
+        Profile::Sin2(Sin2 { amplitude, phase, .. }) => Some(((amplitude * phase.sin().powi(2)).round(), amplitude)),
+        Profile::Linear(Linear { f_start, f_max, .. }) => Some((f_start, f_max)),
+        Profile::Table(_) => None,
     }
 }
 
@@ -178,5 +206,5 @@ fn with_brake(ramp: &RampConfig, stand: &Stand) -> RampConfig {
         plan.stop(&table, told, Stop::Brake);
         stand.holds(&Pulses::from(&plan))
     };
-    braked(shortest(1, ramp.interval_ticks, holds).unwrap_or(ramp.interval_ticks))
+    braked(shortest(1, ramp.interval_ticks(), holds).unwrap_or(ramp.interval_ticks()))
 }

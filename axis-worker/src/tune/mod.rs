@@ -24,7 +24,7 @@
 //!          t_a = t         t_c = t     last, t_c alone is made as short as holds, and then t_a
 //! ```
 //!
-//! The [bench's profile](linear()) is for one movement. A [ramp of the card](sin2()) is for all: it is stretched until shorter
+//! The [bench's profile](linear()) is for one movement. A [ramp of the card](card()) is for all: it is stretched until shorter
 //! movements and the emergency stop hold as well.
 //!
 //! The search is deterministic and has an end: at most [`MOST_TRIALS`] movements are played, each on the rungs up to the first
@@ -42,7 +42,7 @@ mod tests;
 use supersigma_config::MotorError;
 use thiserror::Error;
 
-pub use card::{CardProposal, sin2};
+pub use card::{CardProposal, CardShape, card};
 pub use positioning::{LinearProposal, linear};
 pub use pulses::Pulses;
 pub use stand::{Assessment, Outcome, Slip, assess, lags, play};
@@ -102,7 +102,7 @@ pub enum TuneError {
         margin: Margin,
     },
     /// The motor could, but the profile cannot be played.
-    #[error("there is no sin² ramp for this motor whose table the card can play: {reason}")]
+    #[error("there is no such ramp for this motor whose table the card can play: {reason}")]
     NoTable {
         /// Of the last ramp that was tried.
         reason: supersigma_config::RampError,

@@ -1,7 +1,7 @@
 //! Proposals against the rotor, and against each other.
 
 use proptest::prelude::*;
-use supersigma_config::{MotorConfig, MotorError, RampConfig};
+use supersigma_config::{Differences, MotorConfig, MotorError, RampConfig};
 use supersigma_protocol::{Distance, SpeedIndex, Ticks};
 
 use super::*;
@@ -90,17 +90,29 @@ fn what_is_proposed_holds_on_every_rung_and_the_bench_plays_the_same_pulses() {
 #[test]
 fn a_cards_ramp_holds_for_shorter_and_longer_movements_and_for_the_emergency_stop() {
     let motor = with_load(0.0, 0.0);
-    let found = sin2(&motor, distance(2_000), margin(0.3), &RampConfig::default()).expect("a proposal");
-    assert_eq!(found.pulses, along(&found.ramp, 2_000));
     let weak = weak(&motor, 0.3);
-    for length in (1..48).chain([60, 116, 352, 1_072, 2_000]) {
-        assert!(follows(&weak, &along(&found.ramp, length)), "{length} of {:?}", found.ramp);
+    for shape in [CardShape::Linear, CardShape::Sin2] {
+        let found = card(&motor, distance(1_500), margin(0.3), shape, &RampConfig::default()).expect("a proposal");
+        assert_eq!(found.pulses, along(&found.ramp, 1_500));
+        for length in (1..48).chain([60, 116, 352, 840, 1_500]) {
+            assert!(follows(&weak, &along(&found.ramp, length)), "{length} of {:?}", found.ramp);
+        }
+        let table = Table::new(&found.ramp).expect("a table");
+        let mut plan = Plan::fastest(&table, Distance::MAX, SpeedIndex::TOP);
+        plan.stop(&table, plan.tick_of(table.normal().pulses().0 + 200), Stop::Brake);
+        assert!(follows(&weak, &Pulses::from(&plan)), "{:?}", found.ramp);
+        assert!(found.ramp.brake_interval_ticks < found.ramp.interval_ticks(), "{:?}", found.ramp);
     }
-    let table = Table::new(&found.ramp).expect("a table");
-    let mut plan = Plan::fastest(&table, Distance::MAX, SpeedIndex::TOP);
-    plan.stop(&table, plan.tick_of(table.normal().pulses().0 + 200), Stop::Brake);
-    assert!(follows(&weak, &Pulses::from(&plan)), "{:?}", found.ramp);
-    assert!(found.ramp.brake_interval_ticks < found.ramp.interval_ticks, "{:?}", found.ramp);
+}
+
+#[test]
+fn what_does_not_fit_into_bytes_is_wide() {
+    // With 20 times the inertia it starts with 200 half steps/s at most: from there N falls fast.
+    let heavy = with_load(0.0, 2.4e-3);
+    let curve = |part| card(&heavy, distance(200), margin(part), CardShape::Linear, &RampConfig::default());
+    let found = curve(0.5).expect("a proposal");
+    assert_eq!(found.ramp.differences, Differences::Wide, "{:?}", found.ramp);
+    assert!(found.ramp.counts().is_ok());
 }
 
 #[test]
@@ -124,7 +136,7 @@ fn what_is_too_steep_is_made_to_hold_and_what_is_too_gentle_faster() {
     assert!(matches!(current.at_margin, Outcome::Follows { .. }), "{current:?}");
     for pulses in [
         linear(&free, length, margin(0.2)).expect("a proposal").pulses,
-        sin2(&free, length, margin(0.2), &ramp).expect("a proposal").pulses,
+        card(&free, length, margin(0.2), CardShape::Sin2, &ramp).expect("a proposal").pulses,
     ] {
         assert!(pulses.duration() < current.duration, "{:?}", pulses.duration());
     }
@@ -138,7 +150,7 @@ fn a_movement_that_is_too_short_for_ramps_has_one_frequency() {
         assert_eq!((found.profile.t_a.0, found.profile.t_c.0, found.steps.b), (0, 0, length.into()));
         let limit = start_stop(&motor, Load::default()).expect("a motor").expect("it starts");
         assert!(found.profile.max.hertz() <= limit);
-        let card = sin2(&motor, distance(length), Margin::NONE, &RampConfig::default()).expect("a proposal");
+        let card = card(&motor, distance(length), Margin::NONE, CardShape::Sin2, &RampConfig::default()).expect("a proposal");
         assert!(card.pulses.top_speed() <= limit + 1.0);
     }
 }

@@ -149,9 +149,9 @@ fn ramps_are_usable() {
     );
     breaks(
         &ramp("amplitude = -15000"),
-        "set.toml:6:1: ramp: this ramp cannot be used: entry 0 is -650.0 steps/s, for which N is not in 1 to 65 534: \
-         an 8253 makes 30.6 to 1 000 000 steps/s",
-        "change `amplitude`",
+        "set.toml:6:1: ramp: this ramp cannot be used: entry 0 is -650.0 steps/s, for which N is not in 25 to 65 534: \
+         a card makes 30.6 to 76 923 steps/s",
+        "change the top speed (`amplitude`",
     );
     breaks(
         &ramp("omega = 5"),
@@ -161,8 +161,9 @@ fn ramps_are_usable() {
     );
     breaks(
         &ramp("phase = 0.0633"),
-        "set.toml:6:1: ramp: this ramp cannot be used: N falls by 5401 at entry 1, more than the 255 that one byte of the table holds",
-        "enlarge `phase`",
+        "set.toml:6:1: ramp: this ramp cannot be used: N falls by 5401 at entry 1, more than the 255 that one byte of the table holds; \
+         `differences = \"wide\"` would allow it",
+        "`differences = \"wide\"`",
     );
 }
 
