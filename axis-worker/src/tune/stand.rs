@@ -233,12 +233,11 @@ fn follows(mut rotor: Rotor, pulses: &Pulses) -> bool {
             return false;
         }
     }
-    rotor.settle(PATIENCE);
-    is_in_place(&rotor)
+    rotor.catch(PATIENCE) && is_in_place(&rotor)
 }
 
 fn is_in_place(rotor: &Rotor) -> bool {
-    rotor.is_at_rest() && rotor.slips() == 0 && rotor.detent() == rotor.field()
+    rotor.slips() == 0 && rotor.detent() == rotor.field()
 }
 
 /// The whole pulses, and until the rotor is at rest.
@@ -263,7 +262,7 @@ fn run(mut rotor: Rotor, pulses: &Pulses) -> Outcome {
             settled = waited;
         }
     }
-    if is_in_place(&rotor) {
+    if rotor.is_at_rest() && is_in_place(&rotor) {
         return Outcome::Follows { settled };
     }
     let last = pulses.periods().last().map_or(0.0, |period| speed(*period));

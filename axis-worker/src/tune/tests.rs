@@ -66,9 +66,9 @@ fn lags_are_small_where_it_follows_and_grow_where_it_slips() {
 #[test]
 fn what_is_proposed_holds_on_every_rung_and_the_bench_plays_the_same_pulses() {
     for (motor, length) in [
-        (with_load(0.0, 0.0), 3_000),
+        (with_load(0.0, 0.0), 1_500),
         (with_load(0.5, 3e-4), 400),
-        (MotorConfig { load_torque: 0.4, ..MotorConfig::bench() }, 1_000),
+        (MotorConfig { load_torque: 0.4, ..MotorConfig::bench() }, 500),
     ] {
         let found = linear(&motor, distance(length), margin(0.3)).expect("a proposal");
         assert!(found.trials > 0 && found.trials <= MOST_TRIALS);
@@ -92,9 +92,9 @@ fn a_cards_ramp_holds_for_shorter_and_longer_movements_and_for_the_emergency_sto
     let motor = with_load(0.0, 0.0);
     let weak = weak(&motor, 0.3);
     for shape in [CardShape::Linear, CardShape::Sin2] {
-        let found = card(&motor, distance(1_500), margin(0.3), shape, &RampConfig::default()).expect("a proposal");
-        assert_eq!(found.pulses, along(&found.ramp, 1_500));
-        for length in (1..48).chain([60, 116, 352, 840, 1_500]) {
+        let found = card(&motor, distance(600), margin(0.3), shape, &RampConfig::default()).expect("a proposal");
+        assert_eq!(found.pulses, along(&found.ramp, 600));
+        for length in (1..48).chain([60, 116, 352, 440, 600]) {
             assert!(follows(&weak, &along(&found.ramp, length)), "{length} of {:?}", found.ramp);
         }
         let table = Table::new(&found.ramp).expect("a table");
@@ -122,7 +122,7 @@ fn what_is_too_steep_is_made_to_hold_and_what_is_too_gentle_faster() {
     let assess = |motor: &MotorConfig, pulses: &Pulses| assess(motor, margin(0.2), pulses).expect("a motor");
     // Ten times the inertia: the ramp of 0.3 s to 15 000 is too steep.
     let heavy = with_load(0.0, 1.2e-3);
-    let shorter = distance(1_500);
+    let shorter = distance(600);
     let current = assess(&heavy, &along(&ramp, 4_000));
     let Outcome::Slips(slip) = current.nominal else { panic!("it holds: {current:?}") };
     assert!(slip.pulse > 10 && slip.lost != 0 && current.margin.is_none(), "{current:?}");
