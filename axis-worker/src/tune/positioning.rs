@@ -10,7 +10,7 @@ use super::{Margin, TuneError};
 use crate::bench::{CLOCK_HERTZ, Clocks, Frequency, Hold, PartSteps, Positioning, Train};
 
 /// Ramp times are multiples of this, 0.1 ms.
-const GRAIN: u64 = 100;
+const GRAIN: u32 = 100;
 /// Pulses by which two ramps may be longer than their mean speed says: each ends with the first pulse after its time.
 const SPARE: f64 = 4.0;
 /// How much shorter than the other one a slope is tried at most.
@@ -67,7 +67,7 @@ impl Slopes<'_> {
     /// The movement with ramps of so many grains; `None` if those alone have more pulses, or the chip cannot make it.
     fn made(&self, start: f64, max: f64, up: u32, down: u32) -> Option<Made<Positioning>> {
         let [start, max] = [start, max].map(whole_frequency);
-        let [t_a, t_c] = [up, down].map(|grains| Clocks(u64::from(grains) * GRAIN));
+        let [t_a, t_c] = [up, down].map(|grains| Clocks(u64::from(grains * GRAIN)));
         let hold = Hold::ForTotal(self.distance.steps().0);
         let ramp = Positioning { start: start?, max: max?, t_a, hold, t_c };
         let train = Train::positioning(ramp).ok()?;
@@ -101,7 +101,7 @@ impl Shape for Slopes<'_> {
     /// Makes the deceleration as short as holds, and then the acceleration: a load that hinders the one helps the other.
     fn finish(&self, made: Made<Positioning>) -> Option<Made<Positioning>> {
         let [start, max] = [made.ramp.start, made.ramp.max].map(Frequency::hertz);
-        let both = u32::try_from(made.ramp.t_a.0 / GRAIN).ok()?;
+        let both = u32::try_from(made.ramp.t_a.0 / u64::from(GRAIN)).ok()?;
         let least = (both / SHORTER).max(1);
         let down = shortest(least, both, |down| self.holding(start, max, both, down))?;
         let up = shortest(least, both, |up| self.holding(start, max, up, down))?;
@@ -111,7 +111,7 @@ impl Shape for Slopes<'_> {
 
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped before the cast")]
 fn grains(seconds: f64) -> u32 {
-    (seconds * 1e6 / GRAIN as f64).clamp(1.0, 1e6) as u32
+    (seconds * 1e6 / f64::from(GRAIN)).clamp(1.0, 1e6) as u32
 }
 
 /// Rounded down to a whole pulse per second; `None` if the chip cannot make it.
