@@ -41,7 +41,7 @@ pub fn limits(limits: &[Limits], top: f64, title: &str, subtitle: &str) -> Resul
     let most = |limit: Limit| every().filter_map(limit).fold(0.0, f64::max);
     let beyond = every().any(|point| point.pull_out.is_none());
     let furthest = if beyond { top } else { most(|point| point.pull_out) * 1.08 }.max(100.0);
-    let close = (most(|point| point.pull_in.max(point.start_stop)) * CLOSE).clamp(50.0, furthest);
+    let close = (most(|point| point.pull_in.or(point.start_stop)) * CLOSE).clamp(50.0, furthest);
     let torque = every().map(|point| point.torque).fold(0.1, f64::max) * 1.06;
     let head = Head { title, subtitle, legend: legend(limits) };
     let draw = |root: &Area<'_>| -> Drawn {
