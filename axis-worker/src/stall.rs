@@ -75,7 +75,10 @@ impl fmt::Display for Stall {
             Direction::TowardsOrigin => " towards the origin",
         };
         let seconds = at.as_seconds();
-        write!(f, "the motor falls out of step at pulse {pulse}, after {seconds:.3} s, {phase}{direction}: ")?;
+        write!(
+            f,
+            "the motor falls out of step at pulse {pulse}, after {seconds:.3} s, {phase}{direction}: "
+        )?;
         write!(f, "the ramp needs {demand}")?;
         if demand.needed < demand.available {
             f.write_str(", but the rotor swings")?;

@@ -3,7 +3,9 @@
 
 use axis_worker::{Axis, AxisError, Sink};
 use serde::Serialize;
-use supersigma_config::{AxisConfig, Feedback, RampConfig, ShortMoves};
+use supersigma_config::{
+    AxisConfig, Feedback, Linear, Profile as RampProfile, ProfileName, RampConfig, ShortMoves, Sin2,
+};
 use supersigma_protocol::{
     Activity, Answer, AxisReport, Command, Count, Direction, Distance, Operation, Position, Report,
     SpeedIndex, Steps, Tick, Ticks,
@@ -37,6 +39,8 @@ pub struct Profile {
     pub steps: Steps,
     /// How it was made.
     pub method: Method,
+    /// Along which profile.
+    pub profile: ProfileName,
     /// From the start to the last pulse.
     pub duration_ticks: Ticks,
     /// Steps per second in the shortest period.
@@ -63,6 +67,23 @@ pub struct Wanted {
     pub constant: bool,
 }
 
+/// What a ramp is, for a line under a title: its profile and its numbers, speeds as `speed` writes them.
+#[must_use]
+pub fn describe(ramp: &RampConfig, speed: impl Fn(f64) -> String) -> String {
+    let interval = Ticks(ramp.interval_ticks().into()).as_seconds() * 1e3;
+    let every = format!("a table entry every {interval:.2} ms");
+    match &ramp.profile {
+        RampProfile::Sin2(Sin2 { amplitude, omega, phase, .. }) => {
+            format!("V(t) = {} sin²({omega} t + {phase}) steps/s, {every}", speed(*amplitude))
+        }
+        RampProfile::Linear(Linear { f_start, f_max, t_a }) => {
+            let (from, to) = (speed(*f_start), speed(*f_max));
+            format!("linear from {from} to {to} steps/s in {t_a} s, {every}")
+        }
+        RampProfile::Table(table) => format!("a table of {} counts, {every}", table.counts.len()),
+    }
+}
+
 /// Makes the movement `wanted` on an axis with this ramp, and writes down what happens.
 ///
 /// # Errors
@@ -80,7 +101,7 @@ pub fn profile(axis: &AxisConfig, ramp: &RampConfig, wanted: Wanted) -> Result<P
     let _ = machine.deliver(Command::new(to, operation), None, &mut record);
     record.note(machine.report());
     run_until_standing(&mut machine, &mut record);
-    Ok(record.into_profile(wanted, ramp.short_moves))
+    Ok(record.into_profile(wanted, ramp))
 }
 
 /// The axis on a rail that is long enough for every movement.
@@ -149,17 +170,18 @@ impl Record {
     }
 
     #[expect(clippy::cast_precision_loss, reason = "periods and the clock's frequency are small")]
-    fn into_profile(self, wanted: Wanted, method: ShortMoves) -> Profile {
+    fn into_profile(self, wanted: Wanted, ramp: &RampConfig) -> Profile {
         let steps = wanted.distance.steps();
         let starts = std::iter::once(Ticks(0)).chain(self.pulses.iter().copied());
         let shortest = starts.zip(&self.pulses).map(|(begin, end)| end.0 - begin.0).min().unwrap_or(u64::MAX);
         Profile {
             steps,
-            method: match (wanted.constant, method) {
+            method: match (wanted.constant, ramp.short_moves) {
                 (true, _) => Method::Constant,
                 (_, ShortMoves::Optimal) => Method::Optimal,
                 (_, ShortMoves::Paper) => Method::Paper,
             },
+            profile: ramp.profile.name(),
             duration_ticks: self.pulses.last().copied().unwrap_or_default(),
             peak_speed: Tick::PER_SECOND as f64 / shortest as f64,
             accel_steps: self.accelerated.unwrap_or(steps),

@@ -267,7 +267,10 @@ impl Problem {
                 });
             }
             Self::MissingKey { key: "file" } => {
-                return Some("name a `file` with the numbers N, one a line, or write them: `counts = [3076, …]`".to_owned());
+                return Some(
+                    "name a `file` with the numbers N, one a line, or write them: `counts = [3076, …]`"
+                        .to_owned(),
+                );
             }
             Self::WrongType { expected, .. } if expected == "an array of tables" => {
                 "write its header in double brackets, once for each, as [[axis]]"
@@ -303,8 +306,12 @@ impl Problem {
             Self::TravelReversed { .. } => "exchange `min` and `max`, or correct one of them",
             Self::OriginationTooFast { .. } => "lower `origination.speed`, or widen `rail.lower_zone`",
             Self::TwoTables => "remove one of them",
-            Self::NoFolder => "write the numbers themselves, `counts = [3076, …]`, or load the configuration as a file",
-            Self::TableUnreadable { .. } => "`file` is looked for beside the configuration; name one that exists",
+            Self::NoFolder => {
+                "write the numbers themselves, `counts = [3076, …]`, or load the configuration as a file"
+            }
+            Self::TableUnreadable { .. } => {
+                "`file` is looked for beside the configuration; name one that exists"
+            }
             Self::TableLine { .. } => "write one number N a line; what follows a `#` is a comment",
             Self::Ramp(error) => advice_on_ramp(error),
             Self::NoSuchBit { .. } => "give 0 to 15",

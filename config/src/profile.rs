@@ -6,12 +6,12 @@ use std::borrow::Cow;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
-use supersigma_protocol::Tick;
+use supersigma_protocol::{SpeedIndex, Tick};
 
 use crate::SPEEDS;
 
 /// Intervals of a whole ramp, from entry 0 to entry 232.
-const INTERVALS: u32 = SPEEDS as u32 - 1;
+const INTERVALS: u8 = SpeedIndex::TOP.get();
 /// The paper's 1.29 ms.
 const PAPER_INTERVAL: u32 = 2_580;
 /// Three times as steep.

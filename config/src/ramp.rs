@@ -44,7 +44,9 @@ pub enum RampError {
         seconds: f64,
     },
     /// A ramp of minutes.
-    #[error("from one entry to the next {ticks} ticks would pass, more than a second: the whole ramp has 232 of them")]
+    #[error(
+        "from one entry to the next {ticks} ticks would pass, more than a second: the whole ramp has 232 of them"
+    )]
     IntervalTooLong {
         /// The key that says so.
         parameter: &'static str,
@@ -142,9 +144,9 @@ impl RampError {
     #[must_use]
     pub const fn entry(&self) -> Option<u8> {
         match self {
-            Self::Undividable { entry, .. } | Self::SpeedFalls { entry, .. } | Self::TooSteep { entry, .. } => {
-                Some(*entry)
-            }
+            Self::Undividable { entry, .. }
+            | Self::SpeedFalls { entry, .. }
+            | Self::TooSteep { entry, .. } => Some(*entry),
             _ => None,
         }
     }

@@ -4,7 +4,7 @@
 use std::fs::File;
 use std::io::Read;
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use miette::NamedSource;
@@ -52,7 +52,8 @@ pub(crate) fn fill(config: &mut Config, files: &[TableFile]) {
     let root = KeyPath::default();
     let axes = root.key("axis");
     let of_axes = config.axes.iter_mut().enumerate();
-    let of_axes = of_axes.filter_map(|(index, axis)| Some((axes.index(index).key("ramp"), axis.ramp.as_mut()?)));
+    let of_axes =
+        of_axes.filter_map(|(index, axis)| Some((axes.index(index).key("ramp"), axis.ramp.as_mut()?)));
     for (key, ramp) in std::iter::once((root.key("ramp"), &mut config.ramp)).chain(of_axes) {
         let key = key.key("counts");
         if let (Some(file), Profile::Table(table)) =
@@ -77,7 +78,7 @@ pub(crate) fn prepare(
     if let Some(ramp) = root.get_mut("ramp") {
         prepare_one(&KeyPath::default().key("ramp"), ramp, folder, text, &mut files)?;
     }
-    let axes = KeyPath::default().key("axis");
+    let of_axes = KeyPath::default().key("axis");
     let Some(DeValue::Array(elements)) = root.get_mut("axis").map(Spanned::get_mut) else {
         return Ok(files);
     };
@@ -87,7 +88,7 @@ pub(crate) fn prepare(
         if let (DeValue::Table(own), Some(set_ramp)) = (ramp.get_mut(), &set_ramp) {
             inherit(own, set_ramp);
         }
-        prepare_one(&axes.index(index).key("ramp"), ramp, folder, text, &mut files)?;
+        prepare_one(&of_axes.index(index).key("ramp"), ramp, folder, text, &mut files)?;
     }
     Ok(files)
 }
@@ -162,7 +163,11 @@ fn inherit<'i>(own: &mut DeTable<'i>, set: &DeTable<'i>) {
     let has_table = own.contains_key("file") || own.contains_key("counts");
     for (key, value) in set {
         let name = key.get_ref().as_ref();
-        let wanted = if same { !(has_table && matches!(name, "file" | "counts")) } else { OF_EVERY_PROFILE.contains(&name) };
+        let wanted = if same {
+            !(has_table && matches!(name, "file" | "counts"))
+        } else {
+            OF_EVERY_PROFILE.contains(&name)
+        };
         if wanted && !own.contains_key(name) {
             own.insert(key.clone(), value.clone());
         }
@@ -180,7 +185,7 @@ fn read(path: &Path) -> Result<String, String> {
 }
 
 /// Finds the counts: one whole number a line, comments after `#`, empty lines.
-fn parse(path: &PathBuf, content: &str, key: KeyPath) -> Result<TableFile, Box<Fault>> {
+fn parse(path: &Path, content: &str, key: KeyPath) -> Result<TableFile, Box<Fault>> {
     let text = NamedSource::new(path.display().to_string(), Arc::from(printable(content)));
     let (mut counts, mut spans) = (Vec::new(), Vec::new());
     let mut start = 0;

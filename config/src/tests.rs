@@ -160,17 +160,18 @@ fn the_effective_default_set_comes_back() {
 /// Profiles of which the carriage can stop from entry 90 within 400 steps, with differences of one byte.
 fn any_profile() -> impl Strategy<Value = Profile> {
     prop_oneof![
-        (10_000.0..15_000.0_f64)
-            .prop_map(|amplitude| Profile::Sin2(Sin2 { amplitude, ..Sin2::default() })),
+        (10_000.0..15_000.0_f64).prop_map(|amplitude| Profile::Sin2(Sin2 { amplitude, ..Sin2::default() })),
         (600.0..700.0_f64, 4_000.0..8_000.0_f64, 0.1..0.3_f64)
             .prop_map(|(f_start, f_max, t_a)| Profile::Linear(Linear { f_start, f_max, t_a })),
-        (proptest::collection::vec(0..=8_u16, 2..=233), 1_000..3_000_u32).prop_map(|(falls, interval_ticks)| {
-            let counts = falls.iter().scan(3_000, |n, fall| {
-                *n -= fall;
-                Some(*n)
-            });
-            Profile::Table(CountTable { counts: counts.collect(), interval_ticks })
-        }),
+        (proptest::collection::vec(0..=8_u16, 2..=233), 1_000..3_000_u32).prop_map(
+            |(falls, interval_ticks)| {
+                let counts = falls.iter().scan(3_000, |n, fall| {
+                    *n -= fall;
+                    Some(*n)
+                });
+                Profile::Table(CountTable { counts: counts.collect(), interval_ticks })
+            }
+        ),
     ]
 }
 

@@ -45,6 +45,7 @@ fn a_profile_is_what_a_rate_generator_makes_of_its_loads() {
             let known = [
                 "steps",
                 "method",
+                "profile",
                 "duration_ticks",
                 "peak_speed",
                 "accel_steps",
@@ -54,6 +55,7 @@ fn a_profile_is_what_a_rate_generator_makes_of_its_loads() {
             ];
             assert_eq!(keys, known.into(), "{line}");
             assert_eq!((&profile["steps"], &profile["method"]), (&steps.into(), &method.into()), "{line}");
+            assert_eq!(profile["profile"], "sin2");
             let pulses = numbers(&profile["pulses"]);
             assert_eq!(pulses.len(), steps, "{line}");
             assert_eq!(profile["duration_ticks"].as_u64(), pulses.last().copied(), "{line}");

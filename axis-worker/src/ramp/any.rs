@@ -25,9 +25,7 @@ pub(crate) fn any_ramp() -> impl Strategy<Value = RampConfig> {
             Profile::Table(CountTable { counts: counts.collect(), interval_ticks })
         },
     );
-    let any = prop_oneof![sin2, linear, table].prop_map(|profile| RampConfig {
-        differences: Differences::Wide,
-        ..profile.into()
-    });
+    let any = prop_oneof![sin2, linear, table]
+        .prop_map(|profile| RampConfig { differences: Differences::Wide, ..profile.into() });
     prop_oneof![1 => Just(RampConfig::default()), 4 => any]
 }

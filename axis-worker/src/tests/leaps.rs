@@ -1,9 +1,11 @@
 //! Whoever does not look at every count and pulse gets there faster, and to the very same place: the whole state of the
 //! card, chip and all, is compared.
 
+use supersigma_config::RampConfig;
 use supersigma_protocol::{Fault, Switch};
 
 use super::*;
+use crate::ramp::any::any_ramp;
 
 /// What happens to a card.
 #[derive(Debug, Clone)]
@@ -95,10 +97,12 @@ proptest! {
     #[test]
     fn a_leap_ends_where_a_walk_does(
         acts in proptest::collection::vec((act(), 1..3_000_000_u64, 1..200_000_u64), 1..10),
+        ramp in any_ramp(),
         paper in any::<bool>(),
         sampled in any::<bool>(),
     ) {
-        let config = config(if paper { ShortMoves::Paper } else { ShortMoves::Optimal });
+        let short_moves = if paper { ShortMoves::Paper } else { ShortMoves::Optimal };
+        let config = Config { ramp: RampConfig { short_moves, ..ramp }, ..config(short_moves) };
         let card = || {
             let card = Card::axis(&config, config.axes[0].address).expect("a good ramp").expect("it exists");
             if sampled { card } else { card.without_samples() }

@@ -12,6 +12,7 @@ use crate::{Card, Sink};
 
 mod faults;
 mod leaps;
+mod profiles;
 mod samples;
 
 /// Keeps everything that an axis brings forth.

@@ -3,7 +3,9 @@
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+use axis_worker::stall::strain;
 use clap::{Args, Subcommand};
+use miette::miette;
 use supersigma_config::{Config, DEFAULT_TOML, Origin, Source};
 
 use super::exit::Exit;
@@ -11,7 +13,7 @@ use super::show;
 
 #[derive(Subcommand)]
 pub(super) enum ConfigCommand {
-    /// Say whether a file is a good configuration
+    /// Say whether a file is a good configuration, and warn if a motor cannot follow its ramp
     #[command(after_help = "Examples:\n  ccu config check cell.toml")]
     Check {
         /// The file
@@ -62,11 +64,17 @@ pub(super) fn config(command: &ConfigCommand) -> Result<(), Exit> {
         ConfigCommand::Check { file, json } => {
             let config = load(Some(file))?;
             let count = config.axes.len();
+            let warnings = stalls(&config)?;
             if *json {
-                show::print_json(&serde_json::json!({ "file": file, "axes": count }), &mut out)?;
+                let told = serde_json::json!({ "file": file, "axes": count, "warnings": warnings });
+                show::print_json(&told, &mut out)?;
             } else {
                 let axes = if count == 1 { "axis" } else { "axes" };
                 writeln!(out, "{}: good, {count} {axes}", file.display())?;
+                out.flush()?;
+                for warning in &warnings {
+                    eprintln!("warning: {}: {warning}", file.display());
+                }
             }
         }
         ConfigCommand::Show(args) => {
@@ -80,6 +88,19 @@ pub(super) fn config(command: &ConfigCommand) -> Result<(), Exit> {
         ConfigCommand::Schema => writeln!(out, "{:#}", Config::json_schema())?,
     }
     Ok(out.flush()?)
+}
+
+/// The axes whose motors cannot follow their ramps, and where they fall out of step.
+fn stalls(config: &Config) -> Result<Vec<String>, Exit> {
+    let mut warnings = Vec::new();
+    for axis in &config.axes {
+        let Some(motor) = &axis.motor else { continue };
+        let strain = strain(motor, config.ramp_of(axis)).map_err(|error| Exit::wrong(miette!("{error}")))?;
+        if let Some(stall) = strain.stall {
+            warnings.push(format!("axis {} ({}): {stall}", axis.address, axis.name));
+        }
+    }
+    Ok(warnings)
 }
 
 /// Every value in force with its origin, in columns, or an object a line.

@@ -4,14 +4,15 @@ use std::io::{self, BufWriter, Write};
 use std::path::PathBuf;
 
 use axis_worker::ramp::Table;
+use axis_worker::stall::{Demand, Strain, strain};
 use clap::{Args, ValueEnum};
 use miette::miette;
-use supersigma_config::ShortMoves;
-use supersigma_protocol::{Distance, SpeedIndex};
+use supersigma_config::{AxisConfig, RampConfig, ShortMoves};
+use supersigma_protocol::{Activity, Direction, Distance, SpeedIndex};
 
 use super::exit::Exit;
 use super::{config, show};
-use crate::profile::{Profile, Wanted, profile as make};
+use crate::profile::{Profile, Wanted, describe, profile as make};
 
 #[derive(Args)]
 pub(super) struct ProfileArgs {
@@ -71,7 +72,7 @@ pub(super) fn profile(args: &ProfileArgs) -> Result<(), Exit> {
     let table = Table::new(&ramp).map_err(|error| Exit::wrong(miette!("{error}")))?;
     let mut out = BufWriter::new(io::stdout().lock());
     let Some(distance) = args.steps.and_then(Distance::new) else {
-        print_table(&table, args.json, &mut out)?;
+        print_table(axis, &ramp, &table, args.json, &mut out)?;
         return Ok(out.flush()?);
     };
     let speed = args.speed.map(|speed| index(&table, speed)).transpose()?;
@@ -95,7 +96,20 @@ fn index(table: &Table, speed: f64) -> Result<SpeedIndex, Exit> {
     })
 }
 
-fn print_table(table: &Table, json: bool, out: &mut dyn Write) -> io::Result<()> {
+/// What the axis' motor makes of the ramp, if it has one that can lose steps.
+fn strained(axis: &AxisConfig, ramp: &RampConfig) -> Result<Option<Strain>, Exit> {
+    let strain = axis.motor.as_ref().map(|motor| strain(motor, ramp)).transpose();
+    strain.map_err(|error| Exit::wrong(miette!("{error}")))
+}
+
+fn print_table(
+    axis: &AxisConfig,
+    ramp: &RampConfig,
+    table: &Table,
+    json: bool,
+    out: &mut dyn Write,
+) -> Result<(), Exit> {
+    let strain = strained(axis, ramp)?;
     let entries = (0..=SpeedIndex::TOP.get()).filter_map(SpeedIndex::new);
     let difference = |index: SpeedIndex| table.differences().get(usize::from(index.get())).copied();
     if json {
@@ -110,8 +124,36 @@ fn print_table(table: &Table, json: bool, out: &mut dyn Write) -> io::Result<()>
                 })
             })
             .collect();
-        let interval = table.interval().0;
-        return show::print_json(&serde_json::json!({ "interval_ticks": interval, "entries": entries }), out);
+        let motor = strain.map(|Strain { tightest, stall }| {
+            serde_json::json!({
+                "tightest": demand(&tightest),
+                "stall": stall.map(|stall| {
+                    serde_json::json!({
+                        "pulse": stall.pulse,
+                        "ticks": stall.at.0,
+                        "activity": Activity::from(stall.phase),
+                        "towards_origin": stall.direction == Direction::TowardsOrigin,
+                        "demand": demand(&stall.demand),
+                    })
+                }),
+            })
+        });
+        let whole = serde_json::json!({
+            "profile": ramp.profile.name(),
+            "differences": ramp.differences,
+            "interval_ticks": table.interval().0,
+            "brake_interval_ticks": ramp.brake_interval_ticks,
+            "entries": entries,
+            "motor": motor,
+        });
+        return Ok(show::print_json(&whole, out)?);
+    }
+    writeln!(out, "{}: {}", axis.name, describe(ramp, |speed| speed.to_string()))?;
+    if let Some(Strain { tightest, stall }) = &strain {
+        match stall {
+            None => writeln!(out, "the motor follows; the tightest place: {tightest}")?,
+            Some(stall) => writeln!(out, "{stall}")?,
+        }
     }
     writeln!(out, "{:>5} {:>7} {:>6} {:>6} {:>9} {:>6}", "index", "ms", "N", "count", "steps/s", "diff")?;
     for index in entries {
@@ -128,13 +170,22 @@ fn print_table(table: &Table, json: bool, out: &mut dyn Write) -> io::Result<()>
     Ok(())
 }
 
+fn demand(demand: &Demand) -> serde_json::Value {
+    serde_json::json!({
+        "index": demand.entry.get(),
+        "steps_per_second": demand.speed,
+        "needed_newton_metres": demand.needed,
+        "available_newton_metres": demand.available,
+    })
+}
+
 fn print_profile(profile: &Profile, pulses: bool, out: &mut dyn Write) -> io::Result<()> {
     let method = match profile.method {
         crate::profile::Method::Optimal => "optimal",
         crate::profile::Method::Paper => "paper",
         crate::profile::Method::Constant => "constant speed",
     };
-    writeln!(out, "{} steps, {method}", profile.steps)?;
+    writeln!(out, "{} steps, {method}, {}", profile.steps, profile.profile.word())?;
     writeln!(out, "duration      {:>10.6} s", profile.duration_ticks.as_seconds())?;
     writeln!(out, "peak speed    {:>10.1} steps/s", profile.peak_speed)?;
     writeln!(out, "accelerates   {:>10} steps", profile.accel_steps)?;

@@ -100,8 +100,8 @@ fn who_does_not_want_it_mended_gets_the_failure() {
 #[test]
 fn axes_with_different_ramps_do_not_go_on_a_line() {
     let mut executive = closed(|config| {
-        let slower = supersigma_config::RampConfig { amplitude: 12_000.0, ..config.ramp.clone() };
-        config.axes[1].ramp = Some(slower);
+        let slower = supersigma_config::Sin2 { amplitude: 12_000.0, ..Default::default() };
+        config.axes[1].ramp = Some(slower.into());
     });
     let parts = vec![(axis(1), Displacement(100)), (axis(2), Displacement(100))];
     let failure =

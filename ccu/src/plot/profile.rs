@@ -13,7 +13,7 @@ use super::sheet::{
     picture, polyline, px, rectangle, stroke,
 };
 use super::{Picture, PlotError, Size};
-use crate::profile::{Profile, Wanted, profile};
+use crate::profile::{Profile, Wanted, describe, profile};
 
 /// What is shown of a ramp.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -77,14 +77,7 @@ impl Ramp<'_> {
     }
 
     fn subtitle(&self) -> String {
-        let RampConfig { amplitude, omega, phase, .. } = self.ramp;
-        let interval = Ticks(self.ramp.interval_ticks.into()).as_seconds() * 1e3;
-        format!(
-            "{}: V(t) = {} sin²({omega} t + {phase}) steps/s, a table entry every {} ms",
-            self.axis.name,
-            number(*amplitude, 0),
-            number(interval, 2)
-        )
+        format!("{}: {}", self.axis.name, describe(self.ramp, |speed| number(speed, 0)))
     }
 
     fn table(&self) -> Result<Picture, RampPlotError> {
@@ -99,7 +92,8 @@ impl Ramp<'_> {
         let counts: Vec<_> =
             entries.iter().map(|&index| (at(index), f64::from(table.period(index) - 1))).collect();
         let smooth: Vec<_> = (0..=600).map(|part| end * f64::from(part) / 600.0).collect();
-        let smooth: Vec<_> = smooth.into_iter().map(|t| (t, curve.speed(t))).collect();
+        // Beyond its last entry a short table holds its speed; the other curves do not end before the table.
+        let smooth: Vec<_> = smooth.into_iter().map(|t| (t, curve.speed(t.min(curve.end())))).collect();
         let legend =
             vec![Entry::line("the curve V(t)", CURVE), Entry::line("the table, entry by entry", STEPS)];
         let subtitle = self.subtitle();
@@ -123,7 +117,7 @@ impl Ramp<'_> {
                 .and_then(|chart| both(&chart, &x))?;
             let (slow, fast) = close.split_horizontally(px(f64::from(WIDTH) / 2.0));
             let x = 0.0..12.0 * interval;
-            let y = 500.0..curve.speed(x.end) * 1.05;
+            let y = curve.speed(0.0) / 1.3..curve.speed(x.end) * 1.05;
             frame("The start, enlarged", x.clone(), y, Some("s"), "steps/s")
                 .draw(&slow)
                 .and_then(|chart| both(&chart, &x))?;

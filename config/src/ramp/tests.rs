@@ -119,10 +119,7 @@ fn every_reason_is_named() {
         (linear(200.0, 2_000.0, 0.0), RampError::NoTime { seconds: 0.0 }),
         (linear(200.0, 2_000.0, -0.5), RampError::NoTime { seconds: -0.5 }),
         // 233 s of 2 000 000 ticks, a 232nd of them.
-        (
-            linear(200.0, 2_000.0, 233.0),
-            RampError::IntervalTooLong { parameter: "t_a", ticks: 2_008_621 },
-        ),
+        (linear(200.0, 2_000.0, 233.0), RampError::IntervalTooLong { parameter: "t_a", ticks: 2_008_621 }),
         (linear(2_000.0, 200.0, 0.5), RampError::Falls { f_start: 2_000.0, f_max: 200.0 }),
         (linear(0.0, 2_000.0, 0.5), RampError::Undividable { entry: 0, speed: 0.0 }),
         (

@@ -24,7 +24,9 @@ fn a_linear_ramp_in_the_names_of_the_paper() {
 #[test]
 fn a_table_stands_in_the_text_or_beside_it() {
     let table = CountTable { counts: vec![3_000, 2_900, 2_850], interval_ticks: 3_000 };
-    let set = good(&axis_and("ramp = { profile = \"table\", counts = [3000, 2900, 2850], interval_ticks = 3000 }\n"));
+    let set = good(&axis_and(
+        "ramp = { profile = \"table\", counts = [3000, 2900, 2850], interval_ticks = 3000 }\n",
+    ));
     assert_eq!(set.axes[0].ramp, Some(table.clone().into()));
     // The interval is the paper's if nobody says otherwise.
     let set = good(&axis_and("ramp = { profile = \"table\", counts = [3000, 2900] }\n"));
@@ -199,14 +201,26 @@ fn faults_in_a_file_are_told_with_its_line() {
     let folder = tempfile::tempdir().expect("a folder");
     let long = "3000\n".repeat(234);
     for (table, expected) in [
-        ("3000\n# slower\n2900 # so far\n2950\n", "x.txt:4:1: ramp.counts[2]: this ramp cannot be used: entry 2 is slower"),
-        ("3000\n2700\n", "x.txt:2:1: ramp.counts[1]: this ramp cannot be used: N falls by 300 at entry 1, more than"),
+        (
+            "3000\n# slower\n2900 # so far\n2950\n",
+            "x.txt:4:1: ramp.counts[2]: this ramp cannot be used: entry 2 is slower",
+        ),
+        (
+            "3000\n2700\n",
+            "x.txt:2:1: ramp.counts[1]: this ramp cannot be used: N falls by 300 at entry 1, more than",
+        ),
         ("3000\n\n  12x\n", "x.txt:3:3: ramp.counts[1]: \"12x\" is not a whole number from 0 to 65 535"),
         ("3000 2900\n", "x.txt:1:1: ramp.counts[0]: \"3000 2900\" is not a whole number"),
         ("70000\n", "x.txt:1:1: ramp.counts[0]: \"70000\" is not a whole number"),
         ("65535\n65300\n", "x.txt:1:1: ramp.counts[0]: this ramp cannot be used: entry 0 is 30.5 steps/s"),
-        ("# nothing\n", "x.txt:1:10: ramp.counts: this ramp cannot be used: the table has 0 entries, a ramp has 2 to 233"),
-        (&long, "x.txt:234:1: ramp.counts: this ramp cannot be used: the table has 234 entries, a ramp has 2 to 233"),
+        (
+            "# nothing\n",
+            "x.txt:1:10: ramp.counts: this ramp cannot be used: the table has 0 entries, a ramp has 2 to 233",
+        ),
+        (
+            &long,
+            "x.txt:234:1: ramp.counts: this ramp cannot be used: the table has 234 entries, a ramp has 2 to 233",
+        ),
     ] {
         let (message, drawn) = said(folder.path(), table);
         assert!(message.starts_with(expected), "{message}");
