@@ -48,7 +48,8 @@ pub fn limits(limits: &[Limits], top: f64, title: &str, subtitle: &str) -> Resul
         head.draw(root, WIDTH)?;
         let (_, rest) = root.split_vertically(px(head.height(WIDTH)));
         let (whole, start) = rest.split_vertically(px(340.0));
-        panel(limits, top, "The whole characteristic", furthest, torque, &whole)?;
+        let which = if limits.len() > 1 { ": thick pull-in, left of it start-stop, right pull-out" } else { "" };
+        panel(limits, top, &format!("The whole characteristic{which}"), furthest, torque, &whole)?;
         panel(limits, top, "The start region, enlarged", close, torque, &start)
     };
     picture(Size { width: WIDTH, height: 760 }, title, draw)
@@ -106,10 +107,9 @@ fn panel(limits: &[Limits], top: f64, heading: &str, to: f64, torque: f64, area:
 /// A limit from the largest torque down to the smallest, cut off at `to`, with the point where it is cut. What does not start
 /// has no limit of starting; what never falls out of step has one beyond `top`.
 fn curve(limits: &Limits, limit: Limit, top: f64, to: f64) -> Vec<(f64, f64)> {
-    let never_out = |point: &Characteristic| (point.pull_in.is_some() && point.pull_out.is_none()).then_some(top);
     let at = |point: &Characteristic| {
-        let speed = limit(point).or_else(|| limit(&Characteristic { pull_out: None, ..*point }).or(never_out(point)));
-        Some((speed?, point.torque))
+        let pull_out = Some(point.pull_out.unwrap_or(top));
+        Some((limit(&Characteristic { pull_out, ..*point })?, point.torque))
     };
     let points: Vec<_> = limits.points.iter().rev().filter_map(at).collect();
     let mut cut = Vec::new();

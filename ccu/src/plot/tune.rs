@@ -19,6 +19,7 @@ const WIDTH: u32 = 960;
 /// Half steps of lag at which the spring is strongest, and at which it has given way.
 const STRONGEST: f64 = 2.0;
 const GIVEN_WAY: f64 = 4.0;
+const MEAN: Ticks = Ticks(2 * Tick::PER_SECOND / 1_000);
 /// The lags that are shown.
 const LAGS: Range<f64> = -5.0..7.0;
 
@@ -78,7 +79,7 @@ pub fn tune(shown: &Shown<'_>) -> Result<Picture, TunePlotError> {
         head.draw(root, WIDTH)?;
         let (_, rest) = root.split_vertically(px(head.height(WIDTH)));
         let (speed, rest) = rest.split_vertically(px(290.0));
-        let (as_it_is, weaker) = rest.split_vertically(px(230.0));
+        let (as_it_is, weaker) = rest.split_vertically(px(255.0));
         let frame = Frame {
             heading: "Speed of the pulses",
             x: x.clone(),
@@ -92,42 +93,49 @@ pub fn tune(shown: &Shown<'_>) -> Result<Picture, TunePlotError> {
             if let Outcome::Slips(slip) = way.assessment.nominal {
                 let at = (slip.at.as_seconds(), slip.speed);
                 chart.plotting_area().draw(&Cross::new(at, px(5.0), stroke(&ALARM, 2.0)))?;
-                Words::new(12.0).color(ALARM).mark(&chart, at, (9.0, -3.0), "slips")?;
             }
         }
         lag(&nominal, &x, "Lag of the rotor, the motor as it is", None, &as_it_is)?;
         let heading = format!("Lag of the rotor, {} weaker", wanted.margin);
         lag(&weakened, &x, &heading, Some("time from the start of the movement, s"), &weaker)
     };
-    Ok(picture(Size { width: WIDTH, height: 880 }, &title, draw)?)
+    Ok(picture(Size { width: WIDTH, height: 920 }, &title, draw)?)
 }
 
 fn words(way: &Way) -> String {
     let verdict = match (way.assessment.nominal, way.assessment.at_margin) {
-        (Outcome::Slips(_), _) => ", loses steps",
-        (_, Outcome::Slips(_)) => ", too weak a margin",
+        (Outcome::Slips(_), _) => ", loses steps (×)",
+        (_, Outcome::Slips(_)) => ", not with the margin (×)",
         _ => "",
     };
     let duration = way.assessment.duration.as_seconds() * 1e3;
     format!("{}: {} ms{verdict}", way.maker.name(), number(duration, 0))
 }
 
-/// The speed of each period, as a staircase.
+/// The mean speed of [`MEAN`] each, or of one period if that is longer: a clock of 1 MHz makes most speeds of two periods.
 fn speeds(way: &Way) -> Curve {
+    let speed = |pulses: u32, span: u64| f64::from(pulses) / Ticks(span).as_seconds();
     let mut points = Vec::new();
-    let mut now = Ticks(0);
+    let (mut now, mut pulses, mut span) = (Ticks(0), 0, 0);
     for period in way.pulses.periods() {
-        let speed = Ticks(Tick::PER_SECOND).as_seconds() / Ticks(u64::from(*period)).as_seconds();
-        points.push((now.as_seconds(), speed));
-        now.0 += u64::from(*period);
-        points.push((now.as_seconds(), speed));
+        if points.is_empty() {
+            points.push((0.0, speed(1, u64::from(*period))));
+        }
+        (pulses, span) = (pulses + 1, span + u64::from(*period));
+        if span >= MEAN.0 {
+            points.push((Ticks(now.0 + span / 2).as_seconds(), speed(pulses, span)));
+            now.0 += span;
+            (pulses, span) = (0, 0);
+        }
     }
+    let last = way.pulses.periods().last().map(|period| speed(1, u64::from(*period)));
+    points.extend(last.map(|speed| (Ticks(now.0 + span).as_seconds(), speed)));
     points
 }
 
 /// Up to where the rotor is out of the picture.
 fn until_lost(lags: Vec<(Ticks, f64)>) -> Curve {
-    let end = lags.iter().position(|(_, lag)| !LAGS.contains(lag)).map_or(lags.len(), |out| out);
+    let end = lags.iter().position(|(_, lag)| !LAGS.contains(lag)).unwrap_or(lags.len());
     lags.into_iter().take(end).map(|(at, lag)| (at.as_seconds(), lag)).collect()
 }
 
