@@ -202,7 +202,8 @@ impl RampConfig {
                 if f_max < f_start {
                     return Err(RampError::Falls { f_start: *f_start, f_max: *f_max });
                 }
-                if self.interval_ticks() == 0 {
+                // Less than a tick from entry to entry; `interval_ticks` would round up.
+                if t_a * CLOCK_HERTZ < f64::from(SpeedIndex::TOP.get()) {
                     return Err(RampError::NoTime { seconds: *t_a });
                 }
                 "t_a"

@@ -24,7 +24,7 @@ fn way<'a>(told: &'a Value, name: &str) -> &'a Value {
 #[test]
 fn a_profile_that_is_too_steep_is_caught_and_tune_mends_it() {
     let cell = Cell::new(EXE);
-    // A third of a second's ramp in a tenth: steps are lost, and the encoder tells.
+    // 380 000 half steps/s²; 2.5 N·m give this inertia no more than 265 000. So steps are lost, and the encoder tells.
     let steep = "bench positioning --f-start 400 --f-max 8000 --ta 0.02 --tc 0.02 --steps 600";
     cell.ccu(&format!("{steep} {DISC}")).fails(1, &["of 600 steps were lost"]);
 
@@ -41,7 +41,7 @@ fn a_profile_that_is_too_steep_is_caught_and_tune_mends_it() {
     assert_eq!(report["steps"]["commanded"], 600, "{report}");
     assert_eq!(report["steps"]["lost"], 0, "{report}");
     // What has a margin holds for a weaker motor, too: a brake takes a part of the torque.
-    cell.ccu(&format!("{line} --load-torque 0.1")).good().done();
+    cell.ccu(&format!("{line} --load-torque 0.1")).done();
 }
 
 #[test]
@@ -49,7 +49,7 @@ fn the_proposed_ramp_goes_into_a_configuration() {
     let cell = Cell::new(EXE);
     let axis = "[[axis]]\naddress = 1\nname = \"arm\"\nmotor = { load_inertia = 4.8e-4 }\n\
         rail = { length = 68_000, lower_zone = 600, reference = 800, upper_zone = 67_000, start = 4_500 }\n";
-    cell.file("arm.toml", axis);
+    let _ = cell.file("arm.toml", axis);
     let of_the_axis = "--config arm.toml --axis arm";
     let told = object(cell.ccu(&format!(
         "bench tune --steps 500 --margin 20% --profile sin2 {of_the_axis} --write ramp.toml --plot tune.svg --json"
@@ -61,22 +61,27 @@ fn the_proposed_ramp_goes_into_a_configuration() {
     let written = fs::read_to_string(cell.path("ramp.toml")).expect("a ramp");
     assert_eq!(sin2["toml"], written);
     assert!(fs::read_to_string(cell.path("tune.svg")).expect("a picture").contains("Lag of the rotor"));
-    cell.file("tuned.toml", &format!("{axis}\n{written}"));
-    cell.ccu("config check tuned.toml").good();
+    let _ = cell.file("tuned.toml", &format!("{axis}\n{written}"));
+    cell.ccu("config check tuned.toml").done();
     // With it, the proposal is what the axis has, and it holds.
-    let again = object(cell.ccu("bench tune --steps 500 --margin 20% --profile sin2 --config tuned.toml --axis arm --json"));
+    let again = object(
+        cell.ccu("bench tune --steps 500 --margin 20% --profile sin2 --config tuned.toml --axis arm --json"),
+    );
     let current = way(&again, "current");
     assert_eq!(current["seconds"], sin2["seconds"], "{current}");
     assert_eq!(current["at_margin"]["follows"], true, "{current}");
     // The numbers N of the same ramp, as a table in a file.
-    cell.ccu(&format!("bench tune --steps 500 --margin 20% --profile sin2 {of_the_axis} --write ramp.table")).good();
+    cell.ccu(&format!("bench tune --steps 500 --margin 20% --profile sin2 {of_the_axis} --write ramp.table"))
+        .done();
     let counts = fs::read_to_string(cell.path("ramp.table")).expect("a table");
     assert_eq!(counts.lines().count(), 233);
     let interval = sin2["ramp"]["interval_ticks"].as_u64().expect("an interval");
     let wide = if written.contains("wide") { ", differences = \"wide\"" } else { "" };
-    let table = format!("ramp = {{ profile = \"table\", file = \"ramp.table\", interval_ticks = {interval}{wide} }}\n");
-    cell.file("table.toml", &format!("{axis}{table}"));
-    cell.ccu("config check table.toml").good();
+    let table = format!(
+        "ramp = {{ profile = \"table\", file = \"ramp.table\", interval_ticks = {interval}{wide} }}\n"
+    );
+    let _ = cell.file("table.toml", &format!("{axis}{table}"));
+    cell.ccu("config check table.toml").done();
 }
 
 #[test]
@@ -92,7 +97,10 @@ fn limits_are_told_drawn_and_written() {
     }
     assert!(fs::read_to_string(cell.path("l.svg")).expect("a picture").contains("ramp only"));
     let table = fs::read_to_string(cell.path("l.csv")).expect("a table");
-    assert!(table.starts_with("inertia_kgm2,torque_nm,start_stop_hz,pull_in_hz,pull_out_hz\n0,0,"), "{table}");
+    assert!(
+        table.starts_with("inertia_kgm2,torque_nm,start_stop_hz,pull_in_hz,pull_out_hz\n0,0,"),
+        "{table}"
+    );
     assert_eq!(table.lines().count(), 3);
     let ran = cell.ccu("bench limits --points 2 --inertia 0,6e-4 --top 5000").good();
     assert!(ran.stdout.contains("a disc of 0.0006 kg·m²") && ran.stdout.contains("> 5000"), "{ran}");

@@ -64,6 +64,39 @@ fn a_linear_walk_by_hand() {
     assert_eq!(table.normal().pulses().0, 785);
 }
 
+/// \[M\] eq. (1) to (6), as a program: the times of the pulses while the motor accelerates, in seconds.
+fn train_of_the_papers_program(Linear { f_start, f_max, t_a }: Linear) -> Vec<f64> {
+    let m = (f_max - f_start) / t_a;
+    let mut times = vec![];
+    let mut t = 0.0;
+    while t <= t_a {
+        t += 1.0 / (m * t + f_start);
+        times.push(t);
+    }
+    times
+}
+
+#[test]
+fn a_linear_ramp_is_that_of_the_papers_program() {
+    for (f_start, f_max, t_a) in [(200.0, 2_520.0, 0.58), (200.0, 6_000.0, 0.4), (600.0, 15_000.0, 1.0)] {
+        let linear = Linear { f_start, f_max, t_a };
+        let table =
+            Table::new(&RampConfig { differences: Differences::Wide, ..linear.into() }).expect("usable");
+        let plan = Plan::ramped(&table, Distance::MAX, SpeedIndex::TOP);
+        // The card is ahead of the line by up to an interval of its table, and behind it by whole numbers N only.
+        let interval = table.interval().as_seconds();
+        let train = train_of_the_papers_program(linear);
+        for (pulse, theirs) in (1_u32..).zip(&train) {
+            let early = theirs - Ticks(plan.tick_of(pulse)).as_seconds();
+            assert!((-0.25 * interval..=interval).contains(&early), "pulse {pulse}: {early} s of {interval}");
+        }
+        // So by t_a it has made up to an interval's steps more.
+        let theirs = u32::try_from(train.len()).expect("some thousand");
+        let ours = plan.pulses_by(232 * table.interval().0);
+        assert!((0.0..=f_max * interval).contains(&f64::from(ours - theirs)), "{ours}, {theirs}");
+    }
+}
+
 #[test]
 fn the_ramp_of_a_short_table_ends_where_the_table_does() {
     for short_moves in [ShortMoves::Optimal, ShortMoves::Paper] {

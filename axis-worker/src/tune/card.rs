@@ -150,7 +150,8 @@ impl Shape for Curve<'_> {
         // At most so long that both ramps are the movement. The mean speed of a sin² is a little above half of both,
         // and the last period of a ramp is whole.
         let longest = interval(f64::from(self.distance.get()) / (start + top));
-        let longest = (0..20).map(|less| longest - longest / 40 * less).find(|longest| made(*longest).is_some())?;
+        let longest =
+            (0..20).map(|less| longest - longest / 40 * less).find(|longest| made(*longest).is_some())?;
         let holds = |interval| made(interval).is_some_and(|made| self.stand.holds(&made.pulses));
         made(shortest(1, longest, holds)?)
     }
@@ -174,7 +175,9 @@ impl Shape for Curve<'_> {
 /// Start and top of what [`Curve::ramp`] makes.
 fn ends(profile: &Profile) -> Option<(f64, f64)> {
     match *profile {
-        Profile::Sin2(Sin2 { amplitude, phase, .. }) => Some(((amplitude * phase.sin().powi(2)).round(), amplitude)),
+        Profile::Sin2(Sin2 { amplitude, phase, .. }) => {
+            Some(((amplitude * phase.sin().powi(2)).round(), amplitude))
+        }
         Profile::Linear(Linear { f_start, f_max, .. }) => Some((f_start, f_max)),
         Profile::Table(_) => None,
     }
@@ -192,7 +195,9 @@ fn movement(table: &Table, distance: Distance) -> Pulses {
 
 /// 1, 2, 3 … 48, 60, 75, 93 …
 fn lengths() -> impl Iterator<Item = Distance> {
-    let next = |length: &u16| if *length < EVERY_LENGTH_TO { Some(length + 1) } else { length.checked_add(length / 4) };
+    let next = |length: &u16| {
+        if *length < EVERY_LENGTH_TO { Some(length + 1) } else { length.checked_add(length / 4) }
+    };
     std::iter::successors(Some(1), next).filter_map(Distance::new)
 }
 

@@ -48,7 +48,8 @@ pub use pulses::Pulses;
 pub use stand::{Assessment, Outcome, Slip, assess, lags, play};
 
 /// Movements that a search plays at most.
-pub const MOST_TRIALS: u32 = 3 * (search::TOPS * search::RAMPS + (card::STRETCHES + 1) * card::LENGTHS) + search::RAMPS;
+pub const MOST_TRIALS: u32 =
+    3 * (search::TOPS * search::RAMPS + (card::STRETCHES + 1) * card::LENGTHS) + search::RAMPS;
 
 /// The part of the holding torque that is kept in hand: 0 up to, but not, 1.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]

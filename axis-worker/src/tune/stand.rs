@@ -117,7 +117,11 @@ pub fn assess(motor: &MotorConfig, margin: Margin, pulses: &Pulses) -> Result<As
 }
 
 /// The largest margin of a pulses, which is known to hold with `known`.
-fn margin_of(motor: &MotorConfig, pulses: &Pulses, known: Option<Margin>) -> Result<Option<Margin>, TuneError> {
+fn margin_of(
+    motor: &MotorConfig,
+    pulses: &Pulses,
+    known: Option<Margin>,
+) -> Result<Option<Margin>, TuneError> {
     let holds = |part: f64| match Stand::at(motor, part) {
         Ok(stand) => Ok(stand.holds(pulses)),
         Err(TuneError::NoMargin { .. }) => Ok(false),
@@ -176,7 +180,10 @@ impl Stand {
         let turned = MotorConfig { load_torque: -weak.load_torque, ..weak.clone() };
         let both = if weak.load_torque == 0.0 { vec![weak] } else { vec![weak, turned] };
         let rung = |config: MotorConfig| Ok(Rung { rotor: standing(&config)?, config });
-        Ok(Self { rungs: both.into_iter().map(rung).collect::<Result<_, MotorError>>()?, trials: AtomicU32::new(0) })
+        Ok(Self {
+            rungs: both.into_iter().map(rung).collect::<Result<_, MotorError>>()?,
+            trials: AtomicU32::new(0),
+        })
     }
 
     /// Whether every rung follows the pulses.

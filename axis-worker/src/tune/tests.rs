@@ -92,7 +92,8 @@ fn a_cards_ramp_holds_for_shorter_and_longer_movements_and_for_the_emergency_sto
     let motor = with_load(0.0, 0.0);
     let weak = weak(&motor, 0.3);
     for shape in [CardShape::Linear, CardShape::Sin2] {
-        let found = card(&motor, distance(600), margin(0.3), shape, &RampConfig::default()).expect("a proposal");
+        let found =
+            card(&motor, distance(600), margin(0.3), shape, &RampConfig::default()).expect("a proposal");
         assert_eq!(found.pulses, along(&found.ramp, 600));
         for length in (1..48).chain([60, 116, 352, 440, 600]) {
             assert!(follows(&weak, &along(&found.ramp, length)), "{length} of {:?}", found.ramp);
@@ -150,7 +151,8 @@ fn a_movement_that_is_too_short_for_ramps_has_one_frequency() {
         assert_eq!((found.profile.t_a.0, found.profile.t_c.0, found.steps.b), (0, 0, length.into()));
         let limit = start_stop(&motor, Load::default()).expect("a motor").expect("it starts");
         assert!(found.profile.max.hertz() <= limit);
-        let card = card(&motor, distance(length), Margin::NONE, CardShape::Sin2, &RampConfig::default()).expect("a proposal");
+        let card = card(&motor, distance(length), Margin::NONE, CardShape::Sin2, &RampConfig::default())
+            .expect("a proposal");
         assert!(card.pulses.top_speed() <= limit + 1.0);
     }
 }

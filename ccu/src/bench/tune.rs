@@ -116,7 +116,7 @@ pub fn toml(ramp: &RampConfig, axis: Option<&str>) -> String {
         None => "[ramp]\n".to_owned(),
         Some(axis) => format!("[axis.ramp]   # below the [[axis]] of {axis}\n"),
     };
-    let mut key = |name: &str, value: String| text.push_str(&format!("{name} = {value}\n"));
+    let mut key = |name: &str, value: String| text.extend([name, " = ", &value, "\n"]);
     match &ramp.profile {
         Profile::Sin2(Sin2 { amplitude, omega, phase, interval_ticks }) => {
             key("profile", "\"sin2\"".into());

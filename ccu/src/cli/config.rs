@@ -97,7 +97,7 @@ fn stalls(config: &Config) -> Result<Vec<String>, Exit> {
         let Some(motor) = &axis.motor else { continue };
         let strain = strain(motor, config.ramp_of(axis)).map_err(|error| Exit::wrong(miette!("{error}")))?;
         if let Some(stall) = strain.stall {
-            warnings.push(format!("axis {} ({}): {stall}", axis.address, axis.name));
+            warnings.push(format!("{} ({}): {stall}", axis.address, axis.name));
         }
     }
     Ok(warnings)

@@ -247,6 +247,7 @@ Examples:
     #[command(after_help = "\
 Examples:
   ccu profile                         the ramp table of axis 1
+  ccu profile --config cell.toml --axis lift
   ccu profile --steps 5184            a movement, planned and run on the machine
   ccu profile --steps 200 --method paper --json --pulses")]
     Profile(profile::ProfileArgs),

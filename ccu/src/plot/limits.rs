@@ -48,7 +48,8 @@ pub fn limits(limits: &[Limits], top: f64, title: &str, subtitle: &str) -> Resul
         head.draw(root, WIDTH)?;
         let (_, rest) = root.split_vertically(px(head.height(WIDTH)));
         let (whole, start) = rest.split_vertically(px(340.0));
-        let which = if limits.len() > 1 { ": thick pull-in, left of it start-stop, right pull-out" } else { "" };
+        let which =
+            if limits.len() > 1 { ": thick pull-in, left of it start-stop, right pull-out" } else { "" };
         panel(limits, top, &format!("The whole characteristic{which}"), furthest, torque, &whole)?;
         panel(limits, top, "The start region, enlarged", close, torque, &start)
     };
@@ -87,7 +88,7 @@ fn panel(limits: &[Limits], top: f64, heading: &str, to: f64, torque: f64, area:
         }
         for (limit, color, _, _) in LIMITS {
             let curve = curve(only, limit, top, to);
-            line(&chart, &curve, to, &color, 2.0)?;
+            line(&chart, &curve, to, color, 2.0)?;
             let points = only.points.iter().filter_map(|point| Some((limit(point)?, point.torque)));
             for point in points.filter(|point| point.0 < to) {
                 chart.plotting_area().draw(&Circle::new(point, px(2.5), color.filled()))?;
@@ -98,7 +99,7 @@ fn panel(limits: &[Limits], top: f64, heading: &str, to: f64, torque: f64, area:
     for (n, one) in limits.iter().enumerate() {
         for (limit, _, _, name) in LIMITS {
             let width = if name == "pull-in" { 2.25 } else { 1.25 };
-            line(&chart, &curve(one, limit, top, to), to, &nth_color(n), width)?;
+            line(&chart, &curve(one, limit, top, to), to, nth_color(n), width)?;
         }
     }
     Ok(())
@@ -133,9 +134,9 @@ fn fill(chart: &Chart<'_, '_>, curve: Vec<(f64, f64)>, color: RGBColor) -> Drawn
 }
 
 /// The curve, without what runs along the edge where it is cut off.
-fn line(chart: &Chart<'_, '_>, curve: &[(f64, f64)], to: f64, color: &RGBColor, width: f64) -> Drawn {
+fn line(chart: &Chart<'_, '_>, curve: &[(f64, f64)], to: f64, color: RGBColor, width: f64) -> Drawn {
     let inside = curve.iter().position(|point| point.0 >= to).map_or(curve, |edge| &curve[..=edge]);
-    polyline(chart, inside.to_vec(), stroke(color, width))
+    polyline(chart, inside.to_vec(), stroke(&color, width))
 }
 
 /// Writes into each region what the motor does there, where there is room at a third of the largest torque.
@@ -149,9 +150,12 @@ fn name_regions(chart: &Chart<'_, '_>, limits: &Limits, top: f64, to: f64, torqu
     let [out, starts, stops] = LIMITS.map(|(limit, ..)| at(limit));
     let words = Words::new(12.5).color(GREY).centered();
     let pixels = |span: f64| f64::from(chart.plotting_area().dim_in_pixel().0) / 4.0 * span / to;
-    for (from, until, name) in
-        [(0.0, stops, "starts and stops"), (stops, starts, "starts"), (starts, out, "ramp only"), (out, to, "slips")]
-    {
+    for (from, until, name) in [
+        (0.0, stops, "starts and stops"),
+        (stops, starts, "starts"),
+        (starts, out, "ramp only"),
+        (out, to, "slips"),
+    ] {
         if pixels(until - from) > super::sheet::width(name, 12.5) + 12.0 {
             words.mark(chart, (f64::midpoint(from, until), height), (0.0, 0.0), name)?;
         }

@@ -10,7 +10,8 @@ use supersigma_protocol::{Tick, Ticks};
 
 use super::moves::{clipped, thinned};
 use super::sheet::{
-    ALARM, Area, Drawn, Entry, Frame, GREY, Head, Words, dashes, nth_color, number, picture, polyline, px, stroke,
+    ALARM, Area, Drawn, Entry, Frame, GREY, Head, Words, dashes, nth_color, number, picture, polyline, px,
+    stroke,
 };
 use super::{Picture, PlotError, Size};
 use crate::bench::tune::{Wanted, Way};

@@ -56,7 +56,8 @@ pub(super) fn limits(args: &LimitsArgs) -> Result<(), Exit> {
     }
     let stand = args.motor.motor()?;
     let motor = stand.loaded().map_err(|error| Exit::could_not(miette!("{}: {error}", stand.name)))?;
-    let mut wanted = if args.torques.is_empty() { torques(&motor, args.points) } else { args.torques.clone() };
+    let mut wanted =
+        if args.torques.is_empty() { torques(&motor, args.points) } else { args.torques.clone() };
     wanted.sort_by(f64::total_cmp);
     wanted.dedup();
     let bar = progress(wanted.len() * args.inertia.len());
@@ -82,7 +83,9 @@ pub(super) fn limits(args: &LimitsArgs) -> Result<(), Exit> {
     }
     let mut out = BufWriter::new(io::stdout().lock());
     if args.json {
-        let points = |limits: &Limits| limits.points.iter().map(|point| object(limits.inertia, point)).collect::<Vec<_>>();
+        let points = |limits: &Limits| {
+            limits.points.iter().map(|point| object(limits.inertia, point)).collect::<Vec<_>>()
+        };
         let points: Vec<_> = found.iter().flat_map(points).collect();
         show::print_json(&json!({ "motor": stand.name, "top": args.top, "points": points }), &mut out)?;
     } else {
@@ -124,9 +127,14 @@ fn print(found: &[Limits], top: f64, out: &mut dyn Write) -> io::Result<()> {
         if found.len() > 1 {
             writeln!(out, "\na disc of {} kg·m²", limits.inertia)?;
         }
-        writeln!(out, "\n{:>9} {:>10} {:>10} {:>10}   half steps/s", "brake N·m", "start-stop", "pull-in", "pull-out")?;
+        writeln!(
+            out,
+            "\n{:>9} {:>10} {:>10} {:>10}   half steps/s",
+            "brake N·m", "start-stop", "pull-in", "pull-out"
+        )?;
         for Characteristic { torque, start_stop, pull_in, pull_out } in &limits.points {
-            let starts = |limit: &Option<f64>| limit.map_or_else(|| "-".to_owned(), |limit| format!("{limit:.0}"));
+            let starts =
+                |limit: &Option<f64>| limit.map_or_else(|| "-".to_owned(), |limit| format!("{limit:.0}"));
             let out_at = pull_out.map_or_else(|| format!("> {top:.0}"), |limit| format!("{limit:.0}"));
             writeln!(out, "{torque:>9.3} {:>10} {:>10} {out_at:>10}", starts(start_stop), starts(pull_in))?;
         }

@@ -269,7 +269,9 @@ fn margin(text: &str) -> Result<Margin, String> {
         Some(percent) => percent.trim().parse::<f64>().map(|percent| percent / 100.0),
         None => text.parse(),
     };
-    part.ok().and_then(Margin::new).ok_or_else(|| "a margin is a part of the torque: 30%, or 0.3; less than 100%".into())
+    part.ok()
+        .and_then(Margin::new)
+        .ok_or_else(|| "a margin is a part of the torque: 30%, or 0.3; less than 100%".into())
 }
 
 fn written(text: &str) -> Result<(PathBuf, Written), String> {
