@@ -38,8 +38,7 @@ fn a_profile_that_is_too_steep_is_caught_and_tune_mends_it() {
     let line = command.strip_prefix("ccu ").expect("of ccu");
     assert!(line.contains("--tb") && line.ends_with(DISC), "{line}");
     let report = object(cell.ccu(&format!("{line} --json")));
-    assert_eq!(report["steps"]["commanded"], 600, "{report}");
-    assert_eq!(report["steps"]["lost"], 0, "{report}");
+    assert_eq!((&report["lost"], &report["measured"]), (&0.into(), &600.into()), "{report}");
     // What has a margin holds for a weaker motor, too: a brake takes a part of the torque.
     cell.ccu(&format!("{line} --load-torque 0.1")).done();
 }
@@ -117,7 +116,7 @@ fn who_asks_for_too_much_is_told_so() {
         ("bench tune --steps 0", 2, "0 is not in 1..=65535"),
         ("bench tune --steps 9 --write ramp.txt", 2, "ends in .toml or .table"),
         ("bench tune --steps 9 --plot ramp.gif", 2, "it must end in .svg or .png"),
-        ("bench limits --torques -1", 2, "0 or more"),
+        ("bench limits --torques=-1", 2, "0 or more"),
         ("bench limits --top 7", 2, "from 100 to 100000"),
         ("bench limits --inertia 0,1,2,3,4,5 -o l.svg", 2, "5 discs at most"),
     ] {
