@@ -155,7 +155,7 @@ mod tests {
     #[test]
     fn the_proposed_toml_is_the_proposed_ramp() {
         let axis = "[[axis]]\naddress = 1\nname = \"x\"\n\
-            rail = { length = 68_000, lower_zone = 600, reference = 800, upper_zone = 67_000, start = 4_500 }\n";
+            rail = { length = 68_000, lower_zone = 600, reference = 800, upper_zone = 67_000, start = 4_500 }\ntravel = { min = 0, max = 66_000 }\n";
         let linear = Linear { f_start: 980.0, f_max: 12_345.0, t_a: 0.087_654 };
         let sin2 = Sin2 { amplitude: 9_000.0, omega: 11.0, phase: 0.25, interval_ticks: 971 };
         for profile in [Profile::Linear(linear), Profile::Sin2(sin2)] {

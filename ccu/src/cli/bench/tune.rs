@@ -12,7 +12,7 @@ use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, WrapErr, miette};
 use serde_json::{Value, json};
-use supersigma_config::{MotorError, RampConfig};
+use supersigma_config::{Differences, MotorError, RampConfig};
 use supersigma_protocol::Distance;
 
 use super::motor::MotorArgs;
@@ -140,6 +140,20 @@ fn write_ramp(path: &Path, form: Written, ramp: &RampConfig, axis: Option<&str>)
         .map_err(Exit::could_not)
 }
 
+/// The key of a configuration with which a ramp is taken from a file of its numbers.
+fn table_key(path: &Path, ramp: &RampConfig) -> String {
+    let differences = match ramp.differences {
+        Differences::Byte => "byte",
+        Differences::Wide => "wide",
+    };
+    format!(
+        "ramp = {{ profile = \"table\", file = {:?}, interval_ticks = {}, brake_interval_ticks = {}, differences = \"{differences}\" }}",
+        path.display().to_string(),
+        ramp.interval_ticks(),
+        ramp.brake_interval_ticks
+    )
+}
+
 /// The command that plays a linear profile on the bench.
 fn command(proposal: &LinearProposal, motor: &str) -> String {
     let hertz = |millihertz: u64| millihertz / 1_000;
@@ -190,8 +204,11 @@ fn print(args: &TuneArgs, name: &str, ways: &[Way], out: &mut dyn Write) -> io::
             }
         }
     }
-    if let Some((path, _)) = &args.write {
-        writeln!(out, "\nthe faster one of the card's is in {}", path.display())?;
+    if let (Some((path, form)), Some(ramp)) = (&args.write, best_ramp(ways)) {
+        writeln!(out, "\nthe fastest one of the card's is in {}", path.display())?;
+        if *form == Written::Counts {
+            writeln!(out, "{}", table_key(path, ramp))?;
+        }
     }
     Ok(())
 }
