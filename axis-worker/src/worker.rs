@@ -6,6 +6,7 @@
 //! went: the card brakes, says that it leaves, and gives the recorder a moment to read that.
 
 use std::io::{self, Read};
+use std::panic::{self, AssertUnwindSafe};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
@@ -89,7 +90,7 @@ pub fn run(args: &WorkerArgs) -> Result<(), WorkerError> {
     let lifeline = watch_lifeline(receive.waker())?;
     let heartbeat = Duration::from_millis(config.supervision.heartbeat_ms.into());
     let heartbeat = clock.scale().ticks(heartbeat);
-    let worker = Worker {
+    let mut worker = Worker {
         card,
         clock,
         transmit,
@@ -99,7 +100,7 @@ pub fn run(args: &WorkerArgs) -> Result<(), WorkerError> {
         said: Vec::new(),
         alarm: None,
     };
-    worker.work(&lifeline)
+    worker.guard(|worker| worker.work(&lifeline))
 }
 
 /// Keeps the state of the lifeline, and raises the port's own line when it changes.
@@ -133,7 +134,36 @@ struct Worker<T, R> {
 }
 
 impl<T: Transmit, R: Receive> Worker<T, R> {
-    fn work(mut self, lifeline: &AtomicU8) -> Result<(), WorkerError> {
+    /// Whatever goes wrong in `work`, the bus or this program itself: the motor is not left at speed. It brakes as if nobody
+    /// commanded it any more, and what it says of that is told if anybody can still be told.
+    fn guard(&mut self, work: impl FnOnce(&mut Self) -> Result<(), WorkerError>) -> Result<(), WorkerError> {
+        let result = panic::catch_unwind(AssertUnwindSafe(|| work(self)));
+        if !matches!(result, Ok(Ok(()))) {
+            tracing::error!(card = %self.card.address(), "the worker fails; its card brakes first");
+            // If it is the card's own program that has failed, it may do so again.
+            let braked = panic::catch_unwind(AssertUnwindSafe(|| self.brake_alone()));
+            if braked.is_err() {
+                tracing::error!(card = %self.card.address(), "the card could not brake");
+            }
+        }
+        result.unwrap_or_else(|cause| panic::resume_unwind(cause))
+    }
+
+    fn brake_alone(&mut self) {
+        self.card.orphan(&mut self.said);
+        let mut told = self.flush();
+        while let Some(event) = self.card.next_event() {
+            thread::sleep(self.clock.until(event));
+            self.advance_to_now();
+            if told.is_ok() {
+                told = self.flush();
+            } else {
+                self.said.clear();
+            }
+        }
+    }
+
+    fn work(&mut self, lifeline: &AtomicU8) -> Result<(), WorkerError> {
         self.card.advance(self.clock.now(), &mut self.said);
         self.speak(Occasion::Joined)?;
         let mut heartbeat = self.clock.now() + self.heartbeat;
@@ -160,7 +190,7 @@ impl<T: Transmit, R: Receive> Worker<T, R> {
         self.leave(lifeline)
     }
 
-    fn leave(mut self, lifeline: &AtomicU8) -> Result<(), WorkerError> {
+    fn leave(&mut self, lifeline: &AtomicU8) -> Result<(), WorkerError> {
         self.speak(Occasion::Leaving)?;
         if lifeline.load(Ordering::Acquire) == ENDED {
             thread::sleep(GRACE);
@@ -225,3 +255,7 @@ impl<T: Transmit, R: Receive> Worker<T, R> {
         Ok(())
     }
 }
+
+#[cfg(test)]
+#[path = "tests/worker.rs"]
+mod tests;

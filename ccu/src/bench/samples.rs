@@ -123,17 +123,19 @@ impl SampleFile {
         about: &BTreeMap<String, String>,
         epoch: WallTime,
     ) -> Result<Self, SampleError> {
+        let file = File::create_new(path).map_err(|error| match error.kind() {
+            io::ErrorKind::AlreadyExists => SampleError::Exists { path: path.to_owned() },
+            _ => SampleError::Create { path: path.to_owned(), error },
+        })?;
         let writer = match form {
-            SampleForm::Mcap => {
-                let file = LogFile::create(path).map_err(|error| not_created(path, error))?;
-                begin_mcap(file, motor, about, epoch).map_err(|error| {
-                    // It was made just now, and holds nothing.
-                    let _ = fs::remove_file(path);
-                    SampleError::Write { path: path.to_owned(), error }
-                })?
-            }
-            SampleForm::Csv => begin_csv(path)?,
+            SampleForm::Mcap => begin_mcap(LogFile::over(file), motor, about, epoch),
+            SampleForm::Csv => begin_csv(file),
         };
+        let writer = writer.map_err(|error| {
+            // It was made just now, and holds nothing.
+            let _ = fs::remove_file(path);
+            SampleError::Write { path: path.to_owned(), error }
+        })?;
         let half_steps_per_count =
             f64::from(motor.config.half_steps_per_turn) / f64::from(motor.counts_per_turn());
         Ok(Self { path: path.to_owned(), writer, half_steps_per_count, row: Vec::new() })
@@ -192,13 +194,6 @@ impl SampleFile {
     }
 }
 
-fn not_created(path: &Path, error: io::Error) -> SampleError {
-    match error.kind() {
-        io::ErrorKind::AlreadyExists => SampleError::Exists { path: path.to_owned() },
-        _ => SampleError::Create { path: path.to_owned(), error },
-    }
-}
-
 fn begin_mcap(
     file: LogFile,
     motor: &BenchMotor,
@@ -223,11 +218,9 @@ fn begin_mcap(
     Ok(Writer::Mcap { mcap: Box::new(mcap), channel, epoch, samples: 0 })
 }
 
-fn begin_csv(path: &Path) -> Result<Writer, SampleError> {
-    let file = File::create_new(path).map_err(|error| not_created(path, error))?;
+fn begin_csv(file: File) -> Result<Writer, McapError> {
     let mut file = BufWriter::with_capacity(1 << 16, file);
-    writeln!(file, "{TITLE}")
-        .map_err(|error| SampleError::Write { path: path.to_owned(), error: error.into() })?;
+    writeln!(file, "{TITLE}")?;
     Ok(Writer::Csv(file))
 }
 

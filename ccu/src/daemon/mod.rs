@@ -27,6 +27,8 @@ mod telling;
 
 use std::fs;
 use std::io;
+use std::io::Write as _;
+use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -403,7 +405,9 @@ fn describer(
 }
 
 fn write(path: &Path, text: &str) -> Result<(), StartError> {
-    fs::write(path, text).map_err(|source| StartError::Io { what: "write into the runtime folder", source })
+    let file = fs::OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(path);
+    file.and_then(|mut file| file.write_all(text.as_bytes()))
+        .map_err(|source| StartError::Io { what: "write into the runtime folder", source })
 }
 
 fn sweep(place: &Place) {

@@ -11,7 +11,7 @@
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Seek, SeekFrom, Write};
-use std::os::unix::fs::FileExt;
+use std::os::unix::fs::{FileExt, OpenOptionsExt};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -20,11 +20,16 @@ use mcap::MAGIC;
 use mcap::records::op;
 use rustix::fs::{FallocateFlags, fallocate};
 
+use super::LogError;
+
 /// Room for everything that may still be in memory when the disk is full, for the second after that on the fastest bus
 /// (20 000 frames of 60 bytes), and for the summary.
 const RESERVE: u64 = 2 << 20;
 /// What a flush adds to the summary, generously: a chunk's index.
 const SUMMARY_OF_A_FLUSH: u64 = 512;
+
+/// The mode of a log.
+pub(super) const OWNER_ONLY: u32 = 0o600;
 
 /// A file that holds nothing but whole flushes.
 #[derive(Debug)]
@@ -66,11 +71,20 @@ enum Reserve {
 }
 
 impl LogFile {
-    /// Makes a file that did not exist.
-    pub(crate) fn create(path: &Path) -> io::Result<Self> {
-        let file = OpenOptions::new().write(true).create_new(true).open(path)?;
+    /// Makes a file that did not exist, for this user only: whoever reads a log knows what the robot does.
+    pub(super) fn create(path: &Path) -> Result<Self, LogError> {
+        let file = OpenOptions::new().write(true).create_new(true).mode(OWNER_ONLY).open(path);
+        let file = file.map_err(|error| match error.kind() {
+            io::ErrorKind::AlreadyExists => LogError::Exists { path: path.to_owned() },
+            _ => LogError::Create { path: path.to_owned(), error },
+        })?;
+        Ok(Self::over(file))
+    }
+
+    /// An empty file that somebody else has made.
+    pub(crate) fn over(file: File) -> Self {
         let ledger = Arc::default();
-        Ok(Self { file, pending: Vec::new(), reserve: Reserve::UpTo(0), flushes: 0, closed: false, ledger })
+        Self { file, pending: Vec::new(), reserve: Reserve::UpTo(0), flushes: 0, closed: false, ledger }
     }
 
     pub(super) fn ledger(&self) -> Arc<Ledger> {

@@ -8,6 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufReader, BufWriter, Read, Seek, Write};
 use std::ops::Range;
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 
 use mcap::records::{Channel, MessageHeader, Record};
@@ -19,6 +20,7 @@ use supersigma_protocol::{Frame, Sender, Tick};
 
 use super::LogError;
 use super::channels::MICROBUS;
+use super::file::OWNER_ONLY;
 use super::header::{LogHeader, METADATA_NAME, WallTime};
 use super::index::{Index, Parts};
 use super::reader::LONGEST_RECORD;
@@ -91,8 +93,13 @@ pub fn recover(log: &Path, out: &Path) -> Result<Recovery, LogError> {
     let create = |error| LogError::Create { path: out.to_owned(), error };
     let input = BufReader::with_capacity(1 << 18, File::open(log).map_err(read)?);
     let temporary = Temporary::beside(out).map_err(create)?;
-    let mut file =
-        OpenOptions::new().read(true).write(true).create_new(true).open(&temporary.0).map_err(create)?;
+    let mut file = OpenOptions::new()
+        .read(true)
+        .write(true)
+        .create_new(true)
+        .mode(OWNER_ONLY)
+        .open(&temporary.0)
+        .map_err(create)?;
     let mut recovery = rebuild(input, &mut file).map_err(|trouble| trouble.with(log, out))?;
     file.sync_all().map_err(create)?;
     recovery.bytes = file.metadata().map_err(create)?.len();
