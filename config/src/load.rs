@@ -1,4 +1,5 @@
-//! From a file or a text to a [`Config`] that keeps all rules, and back to a text. The only room that opens a file.
+//! From a file or a text to a [`Config`] that keeps all rules, and back to a text. Only here, and in `ramps` for
+//! their tables, a file is opened.
 
 use std::fs;
 use std::path::Path;

@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 use axis_worker::stall::strain;
 use clap::{Args, Subcommand};
 use miette::miette;
+use serde::Serialize;
 use supersigma_config::{Config, DEFAULT_TOML, Origin, Source};
+use supersigma_protocol::AxisNumber;
 
 use super::exit::Exit;
 use super::show;
@@ -72,8 +74,8 @@ pub(super) fn config(command: &ConfigCommand) -> Result<(), Exit> {
                 let axes = if count == 1 { "axis" } else { "axes" };
                 writeln!(out, "{}: good, {count} {axes}", file.display())?;
                 out.flush()?;
-                for warning in &warnings {
-                    eprintln!("warning: {}: {warning}", file.display());
+                for Warning { axis, name, message } in &warnings {
+                    eprintln!("warning: {}: {axis} ({name}): {message}", file.display());
                 }
             }
         }
@@ -90,14 +92,22 @@ pub(super) fn config(command: &ConfigCommand) -> Result<(), Exit> {
     Ok(out.flush()?)
 }
 
+/// Something that is allowed and does not work.
+#[derive(Serialize)]
+struct Warning<'a> {
+    axis: AxisNumber,
+    name: &'a str,
+    message: String,
+}
+
 /// The axes whose motors cannot follow their ramps, and where they fall out of step.
-fn stalls(config: &Config) -> Result<Vec<String>, Exit> {
+fn stalls(config: &Config) -> Result<Vec<Warning<'_>>, Exit> {
     let mut warnings = Vec::new();
     for axis in &config.axes {
         let Some(motor) = &axis.motor else { continue };
         let strain = strain(motor, config.ramp_of(axis)).map_err(|error| Exit::wrong(miette!("{error}")))?;
         if let Some(stall) = strain.stall {
-            warnings.push(format!("{} ({}): {stall}", axis.address, axis.name));
+            warnings.push(Warning { axis: axis.address, name: &axis.name, message: stall.to_string() });
         }
     }
     Ok(warnings)

@@ -179,7 +179,7 @@ fn linear_ramps_are_usable() {
     );
     breaks(
         &axis_and("ramp = { profile = \"table\", counts = [3000, 2900, 2950] }\n"),
-        "set.toml:6:50: axis[0].ramp.counts[2]: this ramp cannot be used: entry 2 is slower than the one before it \
+        "set.toml:6:51: axis[0].ramp.counts[2]: this ramp cannot be used: entry 2 is slower than the one before it \
          (N rises from 2900 to 2950): the speeds of a ramp must never fall",
         "never rise",
     );
