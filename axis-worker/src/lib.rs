@@ -20,6 +20,7 @@ pub mod motor;
 pub mod pit8253;
 pub mod ramp;
 pub mod stall;
+pub mod tune;
 pub mod worker;
 
 use tracing_subscriber::Layer;

@@ -1,4 +1,4 @@
-//! The book's pictures, made of dry runs and of the built-in set's ramp:
+//! The book's pictures, made of dry runs, of the built-in set's ramp and of the bench motor:
 //!
 //! ```sh
 //! cargo run --release -p supersigma-ccu --example pictures -- --out docs/src/generated
@@ -11,15 +11,20 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use axis_worker::clock::TimeScale;
+use axis_worker::tune::{CardShape, Margin};
+use ccu::bench::limits::{sweep, torques};
+use ccu::bench::tune::{Wanted, compare};
 use ccu::dry::{DrySet, NoPulses};
 use ccu::executive::{Executive, Knowledge, Movement};
 use ccu::log::{AxisNames, LogHeader, LogReader, Timeline, WallTime};
+use ccu::plot::limits::limits;
 use ccu::plot::profile::{LENGTHS, Ramp, Which};
+use ccu::plot::tune::{Shown as TuneShown, tune};
 use ccu::plot::{Picture, Shown, Subject, Timing, Trace, What, gantt, moves};
 use ccu::script::{Limits, Program, Watcher};
 use clap::Parser;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
-use supersigma_config::{Config, RampConfig, ShortMoves};
+use supersigma_config::{Config, MotorConfig, RampConfig, ShortMoves};
 use supersigma_protocol::{AxisNumber, Distance};
 
 /// Draws the book's pictures
@@ -67,7 +72,27 @@ fn pictures() -> Result<Vec<(&'static str, Picture)>> {
     ] {
         pictures.push((name, Ramp { axis, ramp }.picture(which, lengths).into_diagnostic()?));
     }
+    pictures.extend([("bench_limits.svg", characteristic()?), ("bench_tune.svg", tuned(&config.ramp)?)]);
     Ok(pictures)
+}
+
+/// The limits of the bench motor.
+fn characteristic() -> Result<Picture> {
+    const TOP: f64 = 100_000.0;
+    let motor = MotorConfig::bench();
+    let found = sweep(&motor, &[0.0], &torques(&motor, 12), TOP, &|| {}).into_diagnostic()?;
+    limits(&found, TOP, "Limits of the bench motor", "no disc, a brake on the shaft").into_diagnostic()
+}
+
+/// The built-in ramp with five times the inertia for which it is made, and what holds instead.
+fn tuned(current: &RampConfig) -> Result<Picture> {
+    let motor = MotorConfig { load_inertia: 4.8e-4, ..MotorConfig::bench() };
+    let distance = Distance::new(2_000).ok_or_else(|| miette!("no movement"))?;
+    let margin = Margin::new(0.3).ok_or_else(|| miette!("no margin"))?;
+    let shapes = &[CardShape::Linear, CardShape::Sin2];
+    let wanted = Wanted { motor: &motor, current, distance, margin, shapes };
+    let ways = compare(&wanted).into_diagnostic()?;
+    tune(&TuneShown { wanted: &wanted, name: "the bench motor and a disc", ways: &ways }).into_diagnostic()
 }
 
 /// A program's dry run, as its log tells it.

@@ -199,8 +199,7 @@ fn starts_and_stops(rotor: &Rotor, frequency: f64) -> bool {
 
 /// Whether the rotor comes to rest where the pulses led it.
 fn stops(mut rotor: Rotor) -> bool {
-    rotor.settle(PATIENCE);
-    rotor.slips() == 0
+    rotor.catch(PATIENCE) && rotor.slips() == 0 && rotor.detent() == rotor.field()
 }
 
 /// Pulses at the whole ticks that are nearest to their times.

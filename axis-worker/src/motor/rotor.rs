@@ -22,6 +22,10 @@ const SHORTEST_SUBSTEP: u8 = 10;
 const SWING_PER_SUBSTEP: f64 = 0.02;
 /// A swing this small, in electrical radians, is rest.
 const REST: f64 = 1e-4;
+/// The field has arrived if it lacks no more than this part of itself, and to be sure of a capture the swing must lack this
+/// part of the spring's largest energy.
+const ARRIVED: f64 = 1e-3;
+const DOUBT: f64 = 0.05;
 const CYCLE: i64 = HALF_STEPS_PER_CYCLE as i64;
 
 #[expect(clippy::cast_precision_loss, reason = "2 000 000 is exact")]
@@ -177,6 +181,37 @@ impl Rotor {
     #[must_use]
     pub fn is_at_rest(&self) -> bool {
         self.at_rest
+    }
+
+    /// Whether the rotor will come to rest in the [detent](Self::detent) that it is in, if no pulse comes: the field has
+    /// arrived, and the swing has less energy than it takes to get over the nearer of the unstable points.
+    ///
+    /// ```text
+    ///   U(θ) = −spring · cos θ + load · θ        the unstable points are at ±π + asin(load / spring)
+    /// ```
+    ///
+    /// Long before it [is at rest](Self::is_at_rest) that is certain, because all the rest is friction. A slip may have been
+    /// made by then and not yet been [counted](Self::slips); the detent knows of it.
+    #[must_use]
+    pub fn is_captured(&self) -> bool {
+        let Swing { angle, speed, re, im } = self.swing;
+        let Constants { spring, load, .. } = self.constants;
+        let lean = (load.abs() / spring).asin();
+        let barrier = spring * lean.cos() - load.abs() * (PI - lean);
+        let energy = speed * speed / 2.0 - spring * angle.cos() + load * angle;
+        let arrived = (re - 1.0).hypot(im) < ARRIVED;
+        self.at_rest || arrived && angle.abs() < PI - lean && energy < barrier - DOUBT * spring
+    }
+
+    /// Lets time pass until the rotor [is captured](Self::is_captured), but `limit` at most; says whether it is.
+    pub fn catch(&mut self, limit: Ticks) -> bool {
+        let mut left = limit.0;
+        while !self.is_captured() && left > 0 {
+            let span = left.min(self.constants.substep);
+            self.advance(Ticks(span));
+            left -= span;
+        }
+        self.is_captured()
     }
 
     /// Lets time pass until the rotor is at rest, but `limit` at most; says whether it is.

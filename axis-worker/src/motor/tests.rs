@@ -429,6 +429,25 @@ proptest! {
         follow(&trains)?;
     }
 
+    /// A rotor that is said to be captured comes to rest in its detent, with a hanging weight too, and whatever the pulses were.
+    #[test]
+    fn who_is_captured_stays(
+        pulses in proptest::collection::vec((50_u64..3_000, any::<bool>()), 1..60), load_torque in -2.0..2.0_f64,
+        corner_speed in 500.0..20_000.0_f64, load_inertia in 0.0..1e-3_f64,
+    ) {
+        let config = MotorConfig { load_torque, corner_speed, load_inertia, ..bench() };
+        let mut rotor = rotor(&config);
+        for (span, forward) in pulses {
+            rotor.pulse(if forward { Direction::Forward } else { Direction::TowardsOrigin });
+            rotor.advance(Ticks(span));
+        }
+        // A weight that has once pulled the rotor along may keep it running.
+        prop_assume!(rotor.catch(SECOND));
+        let captured = rotor.detent();
+        prop_assert!(rotor.settle(PATIENCE));
+        prop_assert_eq!(rotor.detent(), captured);
+    }
+
     /// Whoever looks, and however often, does not change what happens: the motion is a function of the pulses' ticks.
     #[test]
     fn looking_changes_nothing(

@@ -3,13 +3,15 @@
 //! ```text
 //!   frames ─┬► trace    what every axis said, as series over time ─► moves, sense, plane ─┐
 //!           └► timing   movements, waits, digital lines, totals  ─► gantt                ─┼► sheet ─► SVG ─► png
-//!   ramp table, movements of one axis                            ─► profile              ─┘
+//!   ramp table, movements of one axis                            ─► profile               │
+//!   what the bench found of a motor                              ─► limits, tune         ─┘
 //! ```
 //!
 //! `trace` and `timing` are pure: frames in, values out. The drawing rooms know no file and no bus, and draw the same
 //! bytes from the same values. A PNG is the rendered SVG, with a font that is compiled in, so both look the same.
 
 mod gantt;
+pub mod limits;
 mod moves;
 mod plane;
 mod png;
@@ -18,6 +20,7 @@ mod sense;
 mod sheet;
 mod timing;
 mod trace;
+pub mod tune;
 
 use std::path::{Path, PathBuf};
 use std::{fs, io};

@@ -2,9 +2,11 @@
 //! `axis_worker::bench`, what is recorded of it [`crate::bench`].
 
 mod constant;
+mod limits;
 mod motor;
 mod positioning;
 mod running;
+mod tune;
 
 use clap::Subcommand;
 
@@ -36,11 +38,33 @@ Examples:
 
 Exit codes: 0 the motor made all its steps, 1 it did not, 2 wrongly asked.")]
     Positioning(positioning::PositioningArgs),
+    /// The characteristic of the motor: start-stop, pull-in and pull-out over the load
+    #[command(after_help = "\
+Examples:
+  ccu bench limits                                     the bench motor, with 12 torques of a brake
+  ccu bench limits --torques 0,0.5,1 -o limits.svg     these torques, and a picture of the regions
+  ccu bench limits --inertia 0,1.2e-4,1.2e-3 -o d.png  the same with three discs on the shaft
+  ccu bench limits --config cell.toml --axis left_x --csv limits.csv
+
+Frequencies are half steps/s.")]
+    Limits(limits::LimitsArgs),
+    /// The fastest profile with which the motor loses no steps
+    #[command(after_help = "\
+Examples:
+  ccu bench tune --steps 4000
+  ccu bench tune --steps 4000 --load-inertia 1.2e-3 --margin 20% --plot tune.svg
+  ccu bench tune --steps 8000 --config cell.toml --axis left_x --profile sin2 --write ramp.toml
+
+A margin of 30 % means: it holds with 30 % less holding torque, with 15 % less, and with all of it. The pulses themselves
+turn the motor's rotor, to rest in the right place. Fastest is what has its last pulse soonest.")]
+    Tune(tune::TuneArgs),
 }
 
 pub(super) fn bench(command: &BenchCommand) -> Result<(), Exit> {
     match command {
         BenchCommand::Constant(args) => constant::constant(args),
         BenchCommand::Positioning(args) => positioning::positioning(args),
+        BenchCommand::Limits(args) => limits::limits(args),
+        BenchCommand::Tune(args) => tune::tune(args),
     }
 }

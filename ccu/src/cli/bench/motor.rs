@@ -1,11 +1,12 @@
 //! Which motor stands on the bench, and what is put on its shaft: arguments that all bench commands share.
 
+use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use axis_worker::motor::Load;
 use clap::Args;
 use miette::miette;
-use supersigma_config::MotorConfig;
+use supersigma_config::{MotorConfig, MotorError, RampConfig};
 
 use crate::bench::BenchMotor;
 use crate::cli::config;
@@ -43,8 +44,45 @@ impl MotorArgs {
         let motor = BenchMotor { name, config, load };
         match motor.loaded() {
             Ok(_) => Ok(motor),
-            Err(error) => Err(Exit::wrong(miette!("{} cannot be run with that load: {error}", motor.name))),
+            Err(error) => {
+                // A load that is too heavy is nobody's typing error.
+                let could_not = matches!(error, MotorError::Overloaded { .. });
+                let exit = if could_not { Exit::could_not } else { Exit::wrong };
+                Err(exit(miette!("{} cannot be run with that load: {error}", motor.name)))
+            }
         }
+    }
+
+    /// The ramp that goes with it: that of the axis, or of the built-in set if none is named.
+    ///
+    /// # Errors
+    /// If there is no such axis.
+    pub(in crate::cli) fn ramp(&self) -> Result<RampConfig, Exit> {
+        let set = config::load(self.config.as_deref())?;
+        let axis = self.axis.as_deref().and_then(|axis| set.find_axis(axis));
+        Ok(axis.map_or(&set.ramp, |axis| set.ramp_of(axis)).clone())
+    }
+
+    /// The axis, as it was typed.
+    pub(in crate::cli) fn axis(&self) -> Option<&str> {
+        self.axis.as_deref()
+    }
+
+    /// What was typed, to type it again: with a space before each argument.
+    pub(in crate::cli) fn typed(&self) -> String {
+        let mut typed = String::new();
+        if let Some(config) = &self.config {
+            let _ = write!(typed, " --config {}", config.display());
+        }
+        if let Some(axis) = &self.axis {
+            let _ = write!(typed, " --axis {axis}");
+        }
+        for (name, value) in [("torque", self.load_torque), ("inertia", self.load_inertia)] {
+            if value > 0.0 {
+                let _ = write!(typed, " --load-{name} {value}");
+            }
+        }
+        typed
     }
 
     fn motor_of(&self, wanted: &str) -> Result<(String, MotorConfig), Exit> {
@@ -66,7 +104,7 @@ impl MotorArgs {
 }
 
 /// A torque or an inertia that a bench can put on a shaft.
-fn load(text: &str) -> Result<f64, String> {
+pub(super) fn load(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
         Ok(_) => Err("a load is a number of 0 or more".to_owned()),
