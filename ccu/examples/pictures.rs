@@ -10,17 +10,21 @@ use std::fs;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use axis_worker::bench::{Bench, Clocks, Frequency, Hold, PartSteps, Positioning, Sampling, Train};
 use axis_worker::clock::TimeScale;
+use ccu::bench::Recording;
+use ccu::bench::filter::{Cutoff, Taps};
 use ccu::dry::{DrySet, NoPulses};
 use ccu::executive::{Executive, Knowledge, Movement};
 use ccu::log::{AxisNames, LogHeader, LogReader, Timeline, WallTime};
+use ccu::plot::bench::{self, Filters, Graph};
 use ccu::plot::profile::{LENGTHS, Ramp, Which};
 use ccu::plot::{Picture, Shown, Subject, Timing, Trace, What, gantt, moves};
 use ccu::script::{Limits, Program, Watcher};
 use clap::Parser;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
-use supersigma_config::{Config, RampConfig, ShortMoves};
-use supersigma_protocol::{AxisNumber, Distance};
+use supersigma_config::{Config, MotorConfig, RampConfig, ShortMoves};
+use supersigma_protocol::{AxisNumber, Direction, Distance};
 
 /// Draws the book's pictures
 #[derive(Parser)]
@@ -67,7 +71,58 @@ fn pictures() -> Result<Vec<(&'static str, Picture)>> {
     ] {
         pictures.push((name, Ramp { axis, ramp }.picture(which, lengths).into_diagnostic()?));
     }
+    pictures.extend(bench_pictures()?);
     Ok(pictures)
+}
+
+/// The runs of [M]: a low frequency without a load, and a whole positioning cycle, of the bench motor; and the filters.
+fn bench_pictures() -> Result<Vec<(&'static str, Picture)>> {
+    let sampling = Sampling::new(40_000).into_diagnostic()?;
+    let hertz = |hertz: u64| Frequency::from_millihertz(hertz * 1_000).into_diagnostic();
+    let low = Train::constant(hertz(20)?, 16).into_diagnostic()?;
+    let cycle = Train::positioning(Positioning {
+        start: hertz(400)?,
+        max: hertz(4_000)?,
+        t_a: Clocks(250_000),
+        hold: Hold::For(Clocks(250_000)),
+        t_c: Clocks(150_000),
+    })
+    .into_diagnostic()?;
+    let taps = [21, 41, 81].map(Taps::new).into_iter().collect::<Result<Vec<_>, _>>().into_diagnostic()?;
+    let cutoffs = [Cutoff::RAMPS, Cutoff::SWINGS, Cutoff::HIGHEST];
+    Ok(vec![
+        ("bench_position.svg", benched("20 Hz, without a load", &low, sampling, Graph::Position)?),
+        ("bench_speed.svg", benched("20 Hz, without a load", &low, sampling, Graph::Speed)?),
+        ("bench_profile.svg", benched("A positioning cycle", &cycle, sampling, Graph::Profile)?),
+        ("bench_filters.svg", bench::filters(sampling, &taps, &cutoffs).into_diagnostic()?),
+    ])
+}
+
+/// A picture of what the bench motor does on a pulse train.
+fn benched(title: &str, train: &Train, sampling: Sampling, graph: Graph) -> Result<Picture> {
+    let motor = MotorConfig::bench();
+    let mut recording = Recording {
+        sampling_hertz: sampling.hertz(),
+        counts_per_turn: 4 * motor.encoder_lines,
+        half_steps_per_turn: motor.half_steps_per_turn,
+        ..Recording::default()
+    };
+    let bench = Bench::new(&motor).into_diagnostic()?;
+    let outcome = bench.run(train, Direction::Forward, sampling, &mut recording);
+    let confirmed = outcome.confirmed;
+    let subtitle =
+        format!("the bench motor; {} steps given, {} made", confirmed.commanded, confirmed.measured);
+    let parts = Some(train.steps()).filter(|&PartSteps { a, c, .. }| a > 0 || c > 0);
+    let first_lost = confirmed.first_lost;
+    let run = bench::Run {
+        title,
+        subtitle: &subtitle,
+        recording: &recording,
+        direction: Direction::Forward,
+        parts,
+        first_lost,
+    };
+    run.picture(graph, Filters::default()).into_diagnostic()
 }
 
 /// A program's dry run, as its log tells it.
