@@ -5,6 +5,8 @@
 
 mod axis;
 #[deny(clippy::float_arithmetic)]
+pub mod bench;
+#[deny(clippy::float_arithmetic)]
 mod board;
 mod card;
 pub mod clock;

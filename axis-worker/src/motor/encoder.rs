@@ -97,6 +97,14 @@ pub struct Passed {
     to: i64,
 }
 
+impl Passed {
+    /// How many edges are still to come.
+    #[must_use]
+    pub fn edges(&self) -> u64 {
+        self.to.abs_diff(self.at)
+    }
+}
+
 impl Iterator for Passed {
     type Item = Levels;
 
