@@ -7,7 +7,7 @@ mod tests;
 
 use std::ops::Range;
 
-use axis_worker::bench::{CLOCK_HERTZ, PartSteps, Place, Sampling, SamplingError};
+use axis_worker::bench::{Clocks, PartSteps, Place, Sampling, SamplingError};
 use clap::ValueEnum;
 use plotters::prelude::*;
 use supersigma_config::HALF_STEPS_PER_CYCLE;
@@ -18,9 +18,10 @@ use super::sheet::{
     ALARM, Area, Chart, DrawError, Drawn, Entry, Frame, GREY, Head, Words, dashes, number, picture, polyline,
     px, stroke, width,
 };
+use super::trace::seconds;
 use super::{Picture, PlotError, Size};
-use crate::bench::Recording;
 use crate::bench::filter::{Choice, Cutoff, FilterError, Point, Speeds, Taps, between_edges};
+use crate::bench::{CommandedPulse, Recording};
 
 pub use filters::filters;
 
@@ -125,7 +126,7 @@ impl<'a> Shown<'a> {
     fn new(run: Run<'a>) -> Result<Self, SamplingError> {
         let sampling = Sampling::new(run.recording.sampling_hertz)?;
         let last = run.recording.positions.len().saturating_sub(1);
-        let end = sampling.tick_of(last as u64).as_seconds();
+        let end = seconds(sampling.tick_of(last as u64));
         let sign = if run.direction == Direction::Forward { 1.0 } else { -1.0 };
         Ok(Self { run, sampling, time: 0.0..end.max(1e-3), sign })
     }
@@ -237,7 +238,7 @@ impl<'a> Shown<'a> {
             pulses += steps as usize;
             let last = pulses.checked_sub(1).and_then(|last| self.run.recording.commanded.get(last));
             let (Some(last), true) = (last, steps > 0) else { continue };
-            let end = last.at.as_seconds();
+            let end = seconds(last.at);
             dashes(chart, (end, bottom), (end, top), &GREY, 4.0)?;
             let text = format!("{name} = {}", number(steps.into(), 0));
             let room = chart.backend_coord(&(end, 0.0)).0 - chart.backend_coord(&(begin, 0.0)).0;
@@ -254,7 +255,7 @@ impl<'a> Shown<'a> {
     /// Where the first steps were lost, as a line with words.
     fn first_lost(&self, chart: &Chart<'_, '_>) -> Drawn {
         let Some(place) = self.lost_line(chart)? else { return Ok(()) };
-        let at = place.at.as_seconds();
+        let at = seconds(place.at);
         let speed = place.period.map(|period| format!(", at {} steps/s", number(period.hertz(), 0)));
         let text =
             format!("steps lost from pulse {} on{}", number_of(place.pulse), speed.unwrap_or_default());
@@ -269,9 +270,9 @@ impl<'a> Shown<'a> {
     /// The line alone; the place, if it is in this frame.
     fn lost_line(&self, chart: &Chart<'_, '_>) -> Result<Option<Place>, DrawError> {
         let (x, y) = (chart.plotting_area().get_x_range(), chart.plotting_area().get_y_range());
-        let here = self.run.first_lost.filter(|place| x.contains(&place.at.as_seconds()));
+        let here = self.run.first_lost.filter(|place| x.contains(&seconds(place.at)));
         if let Some(place) = here {
-            let at = place.at.as_seconds();
+            let at = seconds(place.at);
             dashes(chart, (at, y.start), (at, y.end), &ALARM, 4.0)?;
         }
         Ok(here)
@@ -312,7 +313,7 @@ impl<'a> Shown<'a> {
     fn commanded(&self, step: f64) -> Vec<(f64, f64)> {
         let mut points = vec![(0.0, 0.0)];
         for (pulse, number) in self.run.recording.commanded.iter().zip(1_u32..) {
-            let at = pulse.at.as_seconds();
+            let at = seconds(pulse.at);
             points.extend([(at, step * f64::from(number - 1)), (at, step * f64::from(number))]);
         }
         let last = points.last().map_or(0.0, |point| point.1);
@@ -324,7 +325,7 @@ impl<'a> Shown<'a> {
     fn real(&self, a_count: f64) -> Vec<(f64, f64)> {
         let mut points: Vec<(f64, f64)> = Vec::new();
         for (count, sample) in counts(self.run.recording).zip(0_u64..) {
-            let point = (self.sampling.tick_of(sample).as_seconds(), count * a_count);
+            let point = (seconds(self.sampling.tick_of(sample)), count * a_count);
             let [before, last] = points.last_chunk().map_or([None; 2], |pair: &[_; 2]| pair.map(Some));
             let stands = |p: Option<(f64, f64)>| p.is_some_and(|p| p.1.to_bits() == point.1.to_bits());
             if stands(before) && stands(last) {
@@ -340,13 +341,13 @@ impl<'a> Shown<'a> {
         let mut points = vec![(0.0, 0.0)];
         let (mut begin, mut clocks) = (0.0, 0);
         for pulse in &self.run.recording.commanded {
-            let speed = CLOCK_HERTZ as f64 / f64::from(pulse.clocks);
+            let speed = 1.0 / period(pulse);
             if pulse.clocks == clocks {
                 points.pop();
             } else {
                 points.push((begin, speed));
             }
-            (begin, clocks) = (pulse.at.as_seconds(), pulse.clocks);
+            (begin, clocks) = (seconds(pulse.at), pulse.clocks);
             points.push((begin, speed));
         }
         points.extend([(begin, 0.0), (self.time.end, 0.0)]);
@@ -355,14 +356,16 @@ impl<'a> Shown<'a> {
 
     /// The pulses given less the steps made, at every sample.
     fn lag(&self, half_steps: f64) -> Vec<(f64, f64)> {
-        let pulses = &self.run.recording.commanded;
-        let mut given = 0_usize;
+        let mut pulses = self.run.recording.commanded.iter().peekable();
+        let mut given = 0_u32;
         let samples = counts(self.run.recording).zip(0_u64..);
         samples
             .map(|(count, sample)| {
                 let tick = self.sampling.tick_of(sample);
-                given += pulses[given..].iter().take_while(|pulse| pulse.at <= tick).count();
-                (tick.as_seconds(), given as f64 - count * half_steps)
+                while pulses.next_if(|pulse| pulse.at <= tick).is_some() {
+                    given += 1;
+                }
+                (seconds(tick), f64::from(given) - count * half_steps)
             })
             .collect()
     }
@@ -371,9 +374,8 @@ impl<'a> Shown<'a> {
     fn close_up(&self) -> Range<f64> {
         let pulses = &self.run.recording.commanded;
         let Some(middle) = pulses.get(pulses.len().saturating_sub(1) / 2) else { return self.time.clone() };
-        let period = f64::from(middle.clocks) / CLOCK_HERTZ as f64;
-        let span = (1.5 * period).max(0.02).min(self.time.end);
-        let begin = (middle.at.as_seconds() - 0.1 * span).clamp(0.0, self.time.end - span);
+        let span = (1.5 * period(middle)).max(0.02).min(self.time.end);
+        let begin = (seconds(middle.at) - 0.1 * span).clamp(0.0, self.time.end - span);
         begin..begin + span
     }
 
@@ -393,6 +395,11 @@ fn reach<'a>(points: impl Iterator<Item = &'a (f64, f64)>, air: f64) -> Range<f6
     let (low, high) = all.unwrap_or((0.0, 1.0));
     let air = (high - low).max(1e-3) * air;
     low - air..high + air
+}
+
+/// The period that a pulse ends, in seconds.
+fn period(pulse: &CommandedPulse) -> f64 {
+    Clocks(pulse.clocks.into()).ticks().as_seconds()
 }
 
 fn line(points: &[Point]) -> Vec<(f64, f64)> {

@@ -1,4 +1,4 @@
-//! The derivative filter of \[M\] section 4: an antisymmetric FIR by Parks and McClellan's design, the Remez exchange.
+//! The derivative filter of \[M\] section 4: an antisymmetric FIR, designed by the Remez exchange (Parks, `McClellan`).
 //!
 //! ```text
 //!  gain, of
