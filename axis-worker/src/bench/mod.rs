@@ -18,6 +18,7 @@ mod confirmation;
 mod counters;
 mod sampling;
 #[cfg(test)]
+#[expect(clippy::float_arithmetic, clippy::cast_precision_loss, reason = "the oracles compute in floats")]
 mod tests;
 mod timing;
 mod units;

@@ -1,5 +1,8 @@
-//! The test bench of \[M\] as `ccu bench` runs it: a motor, what is put on its shaft, and what is recorded of a run. The
-//! apparatus itself is `axis_worker::bench`; files and pictures are made from what it tells, and change nothing of it.
+//! The test bench of \[M\] as `ccu bench` runs it: a motor, what is put on its shaft, a program, and what is recorded of a run.
+//! The apparatus itself is [`axis_worker::bench`]; files and pictures are made from what it tells, and change nothing of it.
+
+mod run;
+mod samples;
 
 pub mod filter;
 
@@ -9,6 +12,9 @@ use axis_worker::bench::{Observer, Pulse, Sample};
 use axis_worker::motor::Load;
 use supersigma_config::{MotorConfig, MotorError};
 use supersigma_protocol::Tick;
+
+pub use run::{FirstLost, Program, Report, Run, RunError};
+pub use samples::{SampleFile, SampleForm, SampleView};
 
 /// The motor on the bench.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,6 +35,12 @@ impl BenchMotor {
     pub fn loaded(&self) -> Result<MotorConfig, MotorError> {
         let loaded = self.load.on(&self.config);
         loaded.check().map(|()| loaded)
+    }
+
+    /// Counts of its encoder in one turn: 8 000 for a disc of 2 000 lines.
+    #[must_use]
+    pub const fn counts_per_turn(&self) -> u32 {
+        4 * self.config.encoder_lines
     }
 }
 

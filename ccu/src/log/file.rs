@@ -30,7 +30,7 @@ const SUMMARY_OF_A_FLUSH: u64 = 512;
 
 /// A file that holds nothing but whole flushes.
 #[derive(Debug)]
-pub(super) struct LogFile {
+pub(crate) struct LogFile {
     file: File,
     pending: Vec<u8>,
     reserve: Reserve,
@@ -69,7 +69,7 @@ enum Reserve {
 
 impl LogFile {
     /// Makes a file that did not exist.
-    pub(super) fn create(path: &Path) -> Result<Self, LogError> {
+    pub(crate) fn create(path: &Path) -> Result<Self, LogError> {
         let file = OpenOptions::new().write(true).create_new(true).open(path);
         let file = file.map_err(|error| match error.kind() {
             io::ErrorKind::AlreadyExists => LogError::Exists { path: path.to_owned() },
@@ -84,7 +84,7 @@ impl LogFile {
     }
 
     /// Flushes, and gives back what is left of the reserve.
-    pub(super) fn finish(mut self) -> io::Result<File> {
+    pub(crate) fn finish(mut self) -> io::Result<File> {
         self.reserve = Reserve::Never;
         self.flush()?;
         self.file.set_len(self.ledger.bytes())?;

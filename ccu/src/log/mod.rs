@@ -56,6 +56,7 @@ use supersigma_protocol::bus::BusError;
 
 pub(crate) use events::Watch as EventWatch;
 pub use events::{Event, Level};
+pub(crate) use file::LogFile;
 pub(crate) use filter::concerns;
 pub use filter::{Filter, Judge, operation};
 pub use frames::{Form, FramesAsked, FramesCount, frames};
@@ -67,6 +68,7 @@ pub use reader::{LogReader, LoggedFrame};
 pub use recorder::{RecorderStatus, run};
 pub use recover::{Lost, Recovery, recover};
 pub use rotation::Rotation;
+pub(crate) use schema::view_schema;
 pub use senders::Gap;
 pub use told::{ENCODING, Message, SCHEMA_ENCODING, Topic};
 pub use twins::{TwinReader, Twinned, twin_of};

@@ -14,7 +14,7 @@ use serde_json::{Map, Value, json};
 pub(super) const FRAME_TYPES: &str = include_str!("frame_types.txt");
 
 /// The JSON Schema of a view, narrowed.
-pub(super) fn view_schema<V: JsonSchema>() -> Value {
+pub(crate) fn view_schema<V: JsonSchema>() -> Value {
     let settings =
         SchemaSettings::draft2020_12().for_serialize().with(|settings| settings.inline_subschemas = true);
     let mut schema = settings.into_generator().into_root_schema_for::<V>().to_value();

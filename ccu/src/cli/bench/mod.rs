@@ -4,6 +4,7 @@
 mod constant;
 mod motor;
 mod positioning;
+mod running;
 
 use clap::Subcommand;
 
