@@ -7,17 +7,19 @@
 //! Two runs make the same bytes.
 
 use std::fs;
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use axis_worker::bench::{Bench, Clocks, Frequency, Hold, PartSteps, Positioning, Sampling, Train};
+use axis_worker::bench::{Clocks, Frequency, Hold, Positioning, Sampling, Train};
 use axis_worker::clock::TimeScale;
-use ccu::bench::Recording;
+use axis_worker::motor::Load;
 use ccu::bench::filter::{Cutoff, Taps};
+use ccu::bench::{BenchMotor, Program as BenchProgram, Recording};
 use ccu::dry::{DrySet, NoPulses};
 use ccu::executive::{Executive, Knowledge, Movement};
 use ccu::log::{AxisNames, LogHeader, LogReader, Timeline, WallTime};
-use ccu::plot::bench::{self, Filters, Graph};
+use ccu::plot::bench::{self, Filters, Graph, Plotted};
 use ccu::plot::profile::{LENGTHS, Ramp, Which};
 use ccu::plot::{Picture, Shown, Subject, Timing, Trace, What, gantt, moves};
 use ccu::script::{Limits, Program, Watcher};
@@ -90,39 +92,24 @@ fn bench_pictures() -> Result<Vec<(&'static str, Picture)>> {
     .into_diagnostic()?;
     let taps = [21, 41, 81].map(Taps::new).into_iter().collect::<Result<Vec<_>, _>>().into_diagnostic()?;
     let cutoffs = [Cutoff::RAMPS, Cutoff::SWINGS, Cutoff::HIGHEST];
+    let (constant, positioning) = (BenchProgram::Constant, BenchProgram::Positioning);
     Ok(vec![
-        ("bench_position.svg", benched("20 Hz, without a load", &low, sampling, Graph::Position)?),
-        ("bench_speed.svg", benched("20 Hz, without a load", &low, sampling, Graph::Speed)?),
-        ("bench_profile.svg", benched("A positioning cycle", &cycle, sampling, Graph::Profile)?),
+        ("bench_position.svg", benched(constant, low.clone(), sampling, Graph::Position)?),
+        ("bench_speed.svg", benched(constant, low, sampling, Graph::Speed)?),
+        ("bench_profile.svg", benched(positioning, cycle, sampling, Graph::Profile)?),
         ("bench_filters.svg", bench::filters(sampling, &taps, &cutoffs).into_diagnostic()?),
     ])
 }
 
 /// A picture of what the bench motor does on a pulse train.
-fn benched(title: &str, train: &Train, sampling: Sampling, graph: Graph) -> Result<Picture> {
-    let motor = MotorConfig::bench();
-    let mut recording = Recording {
-        sampling_hertz: sampling.hertz(),
-        counts_per_turn: 4 * motor.encoder_lines,
-        half_steps_per_turn: motor.half_steps_per_turn,
-        ..Recording::default()
-    };
-    let bench = Bench::new(&motor).into_diagnostic()?;
-    let outcome = bench.run(train, Direction::Forward, sampling, &mut recording);
-    let confirmed = outcome.confirmed;
-    let subtitle =
-        format!("the bench motor; {} steps given, {} made", confirmed.commanded, confirmed.measured);
-    let parts = Some(train.steps()).filter(|&PartSteps { a, c, .. }| a > 0 || c > 0);
-    let first_lost = confirmed.first_lost;
-    let run = bench::Run {
-        title,
-        subtitle: &subtitle,
-        recording: &recording,
-        direction: Direction::Forward,
-        parts,
-        first_lost,
-    };
-    run.picture(graph, Filters::default()).into_diagnostic()
+fn benched(program: BenchProgram, train: Train, sampling: Sampling, graph: Graph) -> Result<Picture> {
+    let load = Load::default();
+    let motor = BenchMotor { name: "the bench motor".into(), config: MotorConfig::bench(), load };
+    let run = ccu::bench::Run { motor: &motor, program, train, direction: Direction::Forward, sampling };
+    let mut recording = Recording::default();
+    let mut go_on = |_| ControlFlow::Continue(());
+    let report = run.go(None, Some(&mut recording), &mut go_on).into_diagnostic()?;
+    Plotted::new(&run, &report, &recording).picture(graph, Filters::default()).into_diagnostic()
 }
 
 /// A program's dry run, as its log tells it.

@@ -1,14 +1,10 @@
 //! The test bench of \[M\] as `ccu bench` runs it: a motor, what is put on its shaft, a program, and what is recorded of a run.
 //! The apparatus itself is [`axis_worker::bench`]; files and pictures are made from what it tells, and change nothing of it.
 
+pub mod filter;
 mod run;
 mod samples;
 
-pub mod filter;
-
-use std::ops::ControlFlow;
-
-use axis_worker::bench::{Observer, Pulse, Sample};
 use axis_worker::motor::Load;
 use supersigma_config::{MotorConfig, MotorError};
 use supersigma_protocol::Tick;
@@ -66,15 +62,4 @@ pub struct CommandedPulse {
     pub at: Tick,
     /// The period that it ends, in clocks of 1 MHz: 2 to 65 536.
     pub clocks: u32,
-}
-
-impl Observer for Recording {
-    fn pulse(&mut self, pulse: Pulse) {
-        self.commanded.push(CommandedPulse { at: pulse.at, clocks: pulse.period.clocks() });
-    }
-
-    fn sample(&mut self, sample: Sample) -> ControlFlow<()> {
-        self.positions.push(sample.position().0);
-        ControlFlow::Continue(())
-    }
 }

@@ -7,7 +7,7 @@ mod tests;
 
 use std::ops::Range;
 
-use axis_worker::bench::{Clocks, PartSteps, Place, Sampling, SamplingError};
+use axis_worker::bench::{Clocks, PartSteps, Sampling, SamplingError};
 use clap::ValueEnum;
 use plotters::prelude::*;
 use supersigma_config::HALF_STEPS_PER_CYCLE;
@@ -21,7 +21,7 @@ use super::sheet::{
 use super::trace::seconds;
 use super::{Picture, PlotError, Size};
 use crate::bench::filter::{Choice, Cutoff, FilterError, Point, Speeds, Taps, between_edges};
-use crate::bench::{CommandedPulse, Recording};
+use crate::bench::{CommandedPulse, FirstLost, Program, Recording, Report, Run};
 
 pub use filters::filters;
 
@@ -57,20 +57,15 @@ pub struct Filters {
 }
 
 /// A run and what is known of it.
-#[derive(Debug, Clone, Copy)]
-pub struct Run<'a> {
-    /// What stands over the picture.
-    pub title: &'a str,
-    /// What stands below that.
-    pub subtitle: &'a str,
-    /// Its samples and pulses.
-    pub recording: &'a Recording,
-    /// Which way the pulses went.
-    pub direction: Direction,
+#[derive(Debug, Clone)]
+pub struct Plotted<'a> {
+    title: String,
+    subtitle: String,
+    recording: &'a Recording,
+    direction: Direction,
     /// The parts of its profile; a train of one frequency has none.
-    pub parts: Option<PartSteps>,
-    /// Where the first steps were lost, or gained.
-    pub first_lost: Option<Place>,
+    parts: Option<PartSteps>,
+    first_lost: Option<FirstLost>,
 }
 
 /// Why there is no picture of a run.
@@ -93,13 +88,41 @@ const REAL: RGBColor = RGBColor(0, 114, 178);
 const INSTANT: RGBColor = RGBColor(150, 198, 228);
 const EDGES: RGBColor = RGBColor(205, 205, 205);
 
-impl Run<'_> {
+impl<'a> Plotted<'a> {
+    /// The recording of a run, and the report of it.
+    #[must_use]
+    pub fn new(run: &Run<'_>, report: &Report, recording: &'a Recording) -> Self {
+        let fastest = recording.commanded.iter().map(|pulse| 1.0 / period(pulse)).fold(0.0, f64::max);
+        let pulses = number_of(report.pulses);
+        let fastest = number(fastest, usize::from(fastest < 100.0 && fastest.fract() > 0.05));
+        let title = match run.program {
+            Program::Constant => format!("{pulses} steps at a constant frequency of {fastest} Hz"),
+            Program::Positioning => format!("A positioning cycle of {pulses} steps, up to {fastest} Hz"),
+        };
+        let torque = (report.load_torque > 0.0).then(|| format!(", against {} N·m", report.load_torque));
+        let disc =
+            (report.load_inertia > 0.0).then(|| format!(", with a disc of {} kg·m²", report.load_inertia));
+        let load = [torque, disc].into_iter().flatten().collect::<String>();
+        let load = if load.is_empty() { ", without a load" } else { &load };
+        let ended = if report.interrupted { "; ended before its end" } else { "" };
+        let Report { motor, commanded, measured, .. } = report;
+        let subtitle = format!("{motor}{load}; {commanded} steps given, {measured} made{ended}");
+        Self {
+            title,
+            subtitle,
+            recording,
+            direction: run.direction,
+            parts: (run.program == Program::Positioning).then(|| run.train.steps()),
+            first_lost: report.first_lost,
+        }
+    }
+
     /// Draws it.
     ///
     /// # Errors
     /// If the recording is of a sampling frequency that the bench does not have, or no such filter can be made.
     pub fn picture(&self, graph: Graph, filters: Filters) -> Result<Picture, BenchPlotError> {
-        let shown = Shown::new(*self)?;
+        let shown = Shown::new(self)?;
         let cutoff = filters.cutoff.unwrap_or(graph.cutoff());
         let choice = Choice { cutoff, taps: filters.taps };
         match graph {
@@ -112,7 +135,7 @@ impl Run<'_> {
 
 /// A run with its units.
 struct Shown<'a> {
-    run: Run<'a>,
+    run: &'a Plotted<'a>,
     sampling: Sampling,
     /// From the beginning of the train to the last sample, in seconds.
     time: Range<f64>,
@@ -123,7 +146,7 @@ struct Shown<'a> {
 const SECONDS: &str = "time from the start of the train, s";
 
 impl<'a> Shown<'a> {
-    fn new(run: Run<'a>) -> Result<Self, SamplingError> {
+    fn new(run: &'a Plotted<'a>) -> Result<Self, SamplingError> {
         let sampling = Sampling::new(run.recording.sampling_hertz)?;
         let last = run.recording.positions.len().saturating_sub(1);
         let end = seconds(sampling.tick_of(last as u64));
@@ -198,7 +221,7 @@ impl<'a> Shown<'a> {
         let lag = self.lag(half_steps);
         let legend =
             vec![Entry::line("prescribed: 1 MHz / TC", COMMANDED), Entry::line("real, filtered", REAL)];
-        Ok(self.picture(legend, 660, |area| {
+        Ok(self.picture(legend, 710, |area| {
             let (top, below) = area.split_vertically(px(370.0));
             let mut y = reach(prescribed.iter().chain(&real), 0.05);
             // Room for the names of the parts.
@@ -219,11 +242,13 @@ impl<'a> Shown<'a> {
         let half_cycle = f64::from(HALF_STEPS_PER_CYCLE) / 2.0;
         let limits = [(0.0, -half_cycle), (0.0, half_cycle)];
         let y = reach(lag.iter().chain(&limits), 0.1);
-        let heading = "How far the shaft is behind the pulses; half a cycle is as much as it can hold";
+        let heading = "How far the shaft is behind the pulses; beyond half a cycle it is not pulled back";
         let chart = frame(heading, self.time.clone(), y, "steps").draw(area)?;
         for (_, limit) in limits {
             dashes(&chart, (self.time.start, limit), (self.time.end, limit), &GREY, 4.0)?;
         }
+        let words = Words::new(12.0).color(GREY).ends().below();
+        words.mark(&chart, (self.time.end, half_cycle), (-6.0, 4.0), "half a cycle: 4 steps")?;
         polyline(&chart, thinned(lag, area), stroke(&REAL, 1.0))?;
         self.lost_line(&chart).map(drop)
     }
@@ -255,10 +280,9 @@ impl<'a> Shown<'a> {
     /// Where the first steps were lost, as a line with words.
     fn first_lost(&self, chart: &Chart<'_, '_>) -> Drawn {
         let Some(place) = self.lost_line(chart)? else { return Ok(()) };
-        let at = seconds(place.at);
-        let speed = place.period.map(|period| format!(", at {} steps/s", number(period.hertz(), 0)));
-        let text =
-            format!("steps lost from pulse {} on{}", number_of(place.pulse), speed.unwrap_or_default());
+        let at = place.time_s;
+        let (pulse, speed) = (number_of(place.pulse), number(place.frequency, 0));
+        let text = format!("steps lost from pulse {pulse} on, at {speed} steps/s");
         let words = Words::new(12.0).color(ALARM).above();
         let x = chart.plotting_area().get_x_range();
         let (words, dx) =
@@ -268,11 +292,11 @@ impl<'a> Shown<'a> {
     }
 
     /// The line alone; the place, if it is in this frame.
-    fn lost_line(&self, chart: &Chart<'_, '_>) -> Result<Option<Place>, DrawError> {
+    fn lost_line(&self, chart: &Chart<'_, '_>) -> Result<Option<FirstLost>, DrawError> {
         let (x, y) = (chart.plotting_area().get_x_range(), chart.plotting_area().get_y_range());
-        let here = self.run.first_lost.filter(|place| x.contains(&seconds(place.at)));
+        let here = self.run.first_lost.filter(|place| x.contains(&place.time_s));
         if let Some(place) = here {
-            let at = seconds(place.at);
+            let at = place.time_s;
             dashes(chart, (at, y.start), (at, y.end), &ALARM, 4.0)?;
         }
         Ok(here)
@@ -284,8 +308,8 @@ impl<'a> Shown<'a> {
         height: u32,
         paint: impl FnOnce(&Area<'_>) -> Drawn,
     ) -> Result<Picture, PlotError> {
-        let head = Head { title: self.run.title, subtitle: self.run.subtitle, legend };
-        picture(Size { width: WIDTH, height }, self.run.title, |root| {
+        let head = Head { title: &self.run.title, subtitle: &self.run.subtitle, legend };
+        picture(Size { width: WIDTH, height }, &self.run.title, |root| {
             head.draw(root, WIDTH)?;
             let (_, rest) = root.split_vertically(px(head.height(WIDTH)));
             paint(&rest)

@@ -11,6 +11,9 @@ use crate::plot::sheet::{
 };
 use crate::plot::{Picture, Size};
 
+/// What the frame of the derivative filters has room for: 21 taps at 40 kHz have 2.5.
+const TOP: f64 = 3.0;
+
 /// Draws the gain of derivative filters of these lengths, and of low passes of these cutoffs, for one sampling frequency.
 ///
 /// # Errors
@@ -34,12 +37,17 @@ pub fn filters(sampling: Sampling, taps: &[Taps], cutoffs: &[Cutoff]) -> Result<
         let heading = "Derivative filters: gain, of what a derivative has at 1 kHz";
         let end = (f64::from(sampling.hertz()) / 2.0).min(12.0 * pass);
         let frame =
-            Frame { heading, x: 0.0..end, y: 0.0..1.7, x_name: Some("frequency, Hz"), y_name: Some("gain") };
+            Frame { heading, x: 0.0..end, y: 0.0..TOP, x_name: Some("frequency, Hz"), y_name: Some("gain") };
         let chart = frame.draw(&above)?;
-        dashes(&chart, (pass, 0.0), (pass, 1.7), &GREY, 4.0)?;
-        Words::new(12.0).color(GREY).below().mark(&chart, (pass, 1.7), (6.0, 5.0), "pass band up to here")?;
-        polyline(&chart, vec![(0.0, 0.0), (1.6 * pass, 1.6)], stroke(&GREY, 1.0))?;
-        Words::new(12.0).color(GREY).mark(&chart, (1.6 * pass, 1.6), (6.0, 0.0), "a derivative")?;
+        dashes(&chart, (pass, 0.0), (pass, TOP), &GREY, 4.0)?;
+        Words::new(12.0).color(GREY).below().mark(&chart, (pass, TOP), (6.0, 5.0), "pass band up to here")?;
+        polyline(&chart, vec![(0.0, 0.0), (0.95 * TOP * pass, 0.95 * TOP)], stroke(&GREY, 1.0))?;
+        Words::new(12.0).color(GREY).mark(
+            &chart,
+            (0.95 * TOP * pass, 0.95 * TOP),
+            (6.0, 0.0),
+            "a derivative",
+        )?;
         for (n, filter) in derivatives.iter().enumerate() {
             let curve = curve(end, |hertz| filter.response(hertz).gain / (TAU * pass));
             polyline(&chart, curve, stroke(&nth_color(n), 1.75))?;
