@@ -17,7 +17,7 @@ use supersigma_config::{Config, ConfigError};
 use supersigma_protocol::bus::shared_memory::{Place, SharedBus};
 use supersigma_protocol::bus::{Bus, BusError, Receive, Transmit, Wake, Waker};
 use supersigma_protocol::{
-    About, Address, Answer, Body, CardKind, Frame, Occasion, Report, Sender, Sequence, Tick, Ticks,
+    About, Address, Alarm, Answer, Body, CardKind, Frame, Occasion, Report, Sender, Sequence, Tick, Ticks,
 };
 
 use crate::axis::AxisError;
@@ -89,8 +89,16 @@ pub fn run(args: &WorkerArgs) -> Result<(), WorkerError> {
     let lifeline = watch_lifeline(receive.waker())?;
     let heartbeat = Duration::from_millis(config.supervision.heartbeat_ms.into());
     let heartbeat = clock.scale().ticks(heartbeat);
-    let worker =
-        Worker { card, clock, transmit, receive, heartbeat, sequence: Sequence(0), said: Vec::new() };
+    let worker = Worker {
+        card,
+        clock,
+        transmit,
+        receive,
+        heartbeat,
+        sequence: Sequence(0),
+        said: Vec::new(),
+        alarm: None,
+    };
     worker.work(&lifeline)
 }
 
@@ -120,6 +128,8 @@ struct Worker<T, R> {
     sequence: Sequence,
     /// What the card has said and the bus has not got yet; kept to reuse its memory.
     said: Vec<Answer>,
+    /// Of which the journal was told.
+    alarm: Option<Alarm>,
 }
 
 impl<T: Transmit, R: Receive> Worker<T, R> {
@@ -196,10 +206,12 @@ impl<T: Transmit, R: Receive> Worker<T, R> {
                 _ => Wake::Everyone,
             };
             if let Report::Axis(report) = answer.report
-                && let Some(alarm) = report.alarm
-                && answer.about == About::Unasked(Occasion::Changed)
+                && self.alarm != report.alarm
             {
-                tracing::warn!(card = %answer.card, %alarm, tick = answer.acted_at.0, "alarm");
+                self.alarm = report.alarm;
+                if let Some(alarm) = report.alarm {
+                    tracing::warn!(card = %answer.card, %alarm, tick = answer.acted_at.0, "alarm");
+                }
             }
             let frame = Frame {
                 sender: Sender::Card(self.card.address()),

@@ -160,7 +160,9 @@ fn a_run_on_the_bench_becomes_pictures() {
     let picture = |name: &str| fs::read_to_string(cell.path(name)).expect("a picture");
     let (position, profile) = (picture("position.svg"), picture("profile.svg"));
     assert!(position.contains("Angular position") && position.contains("without a load"), "{position}");
-    for text in ["Ns_a = ", "Ns_b = ", "Ns_c = ", "31 taps at 20 kHz, low pass 100 Hz", "up to 2\u{2009}000 Hz"] {
+    for text in
+        ["Ns_a = ", "Ns_b = ", "Ns_c = ", "31 taps at 20 kHz, low pass 100 Hz", "up to 2\u{2009}000 Hz"]
+    {
         assert!(profile.contains(text), "{text}: {profile}");
     }
     assert!(!profile.contains("steps lost"), "{profile}");
@@ -171,7 +173,8 @@ fn a_run_on_the_bench_becomes_pictures() {
     assert!(picture("lost.svg").contains("steps lost from pulse"));
     let constant = "bench constant --frequency 100 --steps 4";
     cell.ccu(&format!("{constant} --cutoff 20")).fails(2, &["--plot-speed <FILE>|--plot-profile <FILE>"]);
-    cell.ccu(&format!("{constant} --plot-speed x.svg --taps 20")).fails(2, &["odd number of them, 11 to 301"]);
+    cell.ccu(&format!("{constant} --plot-speed x.svg --taps 20"))
+        .fails(2, &["odd number of them, 11 to 301"]);
     cell.ccu(&format!("{constant} --plot-speed x.svg --cutoff 2000")).fails(2, &["outside 1 to 1000 Hz"]);
     cell.ccu(&format!("{constant} --plot-speed x.gif")).fails(2, &["x.gif", ".svg or .png"]);
     cell.ccu("bench constant --frequency 20 --steps 3000 --plot-speed x.svg")

@@ -129,6 +129,52 @@ fn what_is_left_of_a_halted_movement_is_made_when_somebody_resumes_it() {
 }
 
 #[test]
+fn what_an_alarm_has_ended_is_resumed_once_it_is_cleared() {
+    let cell = Cell::new(EXE);
+    let _up = cell.up("2");
+    cell.ccu("origin left_x left_y").done();
+    let position = |axis: &str| cell.axis(axis)["position"].as_i64().expect("it is kept");
+    let ways = [
+        ("move left_x 20000 --speed 4000", "inject left_x force", (20_000, 0)),
+        ("line left_x=-20000 left_y=3001 --speed 4000 --no-wait", "inject left_x force", (0, 3_001)),
+        ("move left_x 20000 --speed 4000 --no-wait", "brake left_x", (20_000, 3_001)),
+    ];
+    for (line, stop, (left_x, left_y)) in ways {
+        let moving = cell.start(line);
+        on_its_way(&cell);
+        cell.ccu(stop).done();
+        let ended = moving.end();
+        if line.contains("--no-wait") {
+            ended.done();
+        } else {
+            ended.fails(1, &["excessive force", "`ccu resume`"]);
+        }
+        cell.until("left_x", "has braked", |axis| axis["activity"] == "standing" && !axis["alarm"].is_null());
+        let stands = position("left_x");
+        assert!((1..20_000).contains(&stands), "{line}: {stands}");
+        // Nothing moves in alarm, and nothing is forgotten for it.
+        if !line.contains("--no-wait") {
+            cell.ccu("resume").fails(1, &["alarm", "ccu clear"]);
+            assert_eq!(position("left_x"), stands);
+        }
+        cell.ccu("clear").done();
+        cell.ccu("resume").done();
+        assert_eq!((position("left_x"), position("left_y")), (left_x, left_y), "{line}");
+    }
+    // There and back again is not where it was.
+    let moving = cell.start("move left_x -20000 --speed 4000");
+    on_its_way(&cell);
+    cell.ccu("inject left_x force").done();
+    moving.end().fails(1, &["excessive force", "ccu resume"]);
+    cell.ccu("clear").done();
+    cell.ccu("move left_x 10").done();
+    cell.ccu("move left_x -10").done();
+    cell.ccu("resume").fails(1, &["has been moved since"]);
+    cell.ccu("resume").fails(1, &["nothing was halted"]);
+    cell.ccu("down").done();
+}
+
+#[test]
 fn a_halted_program_waits_to_be_resumed() {
     let cell = Cell::new(EXE);
     let _up = cell.up("3");

@@ -10,7 +10,7 @@ use supersigma_config::{MotorConfig, MotorError};
 use supersigma_protocol::Tick;
 
 pub use run::{FirstLost, Program, Report, Run, RunError};
-pub use samples::{SampleFile, SampleForm, SampleView};
+pub use samples::{SampleError, SampleFile, SampleForm, SampleView};
 
 /// The motor on the bench.
 #[derive(Debug, Clone, PartialEq)]

@@ -10,8 +10,7 @@ use serde::Serialize;
 use supersigma_config::MotorError;
 use supersigma_protocol::{Direction, Tick, Ticks};
 
-use super::{BenchMotor, CommandedPulse, Recording, SampleFile};
-use crate::log::LogError;
+use super::{BenchMotor, CommandedPulse, Recording, SampleError, SampleFile};
 
 /// How many samples pass between two calls of who watches.
 const SAMPLES_OF_A_CALL: u64 = 2_048;
@@ -229,7 +228,7 @@ pub enum RunError {
     Motor(#[from] MotorError),
     /// The file cannot be written.
     #[error(transparent)]
-    File(#[from] LogError),
+    File(#[from] SampleError),
 }
 
 /// Writes what the bench tells.
@@ -237,7 +236,7 @@ struct Scribe<'a> {
     file: Option<SampleFile>,
     recording: Option<&'a mut Recording>,
     watch: &'a mut dyn FnMut(Tick) -> ControlFlow<()>,
-    error: Option<LogError>,
+    error: Option<SampleError>,
 }
 
 impl Observer for Scribe<'_> {
@@ -277,4 +276,50 @@ fn outcome_entries(report: &Report) -> BTreeMap<String, String> {
     ]
     .map(|(key, value)| (key.to_owned(), value))
     .into()
+}
+
+#[cfg(test)]
+mod tests {
+    use axis_worker::bench::Frequency;
+    use axis_worker::motor::Load;
+    use supersigma_config::MotorConfig;
+
+    use super::*;
+
+    #[test]
+    fn a_recording_has_every_sample_and_every_pulse() {
+        let motor = BenchMotor {
+            name: "the bench motor".to_owned(),
+            config: MotorConfig::bench(),
+            load: Load { torque: 0.1, inertia: 1e-5 },
+        };
+        let train = Train::constant(Frequency::from_millihertz(300_000).expect("possible"), 30);
+        let run = Run {
+            motor: &motor,
+            program: Program::Constant,
+            train: train.expect("possible"),
+            direction: Direction::Forward,
+            sampling: Sampling::HIGHEST,
+        };
+        let mut recording = Recording::default();
+        let mut calls = 0_u64;
+        let watch = &mut |_: Tick| {
+            calls += 1;
+            ControlFlow::Continue(())
+        };
+        let report = run.go(None, Some(&mut recording), watch).expect("a motor that can be");
+        assert!(report.is_confirmed(), "{report:?}");
+        assert_eq!((recording.sampling_hertz, recording.counts_per_turn), (60_000, 8_000));
+        assert_eq!(recording.positions.len() as u64, report.samples);
+        assert_eq!(
+            (recording.positions.first(), recording.positions.last()),
+            (Some(&0), Some(&report.position))
+        );
+        assert_eq!(calls, report.samples.div_ceil(SAMPLES_OF_A_CALL));
+        assert_eq!(recording.commanded.len(), 30);
+        // 10 000 clocks of 1 µs for three pulses.
+        let third = recording.commanded[2];
+        assert_eq!((third.at, third.clocks), (Tick(20_000), 3_333));
+        assert_eq!(recording.commanded[1].clocks, 3_334);
+    }
 }

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use supersigma_protocol::Tick;
 
 use super::BenchMotor;
-use crate::log::{ENCODING, LogError, LogFile, SCHEMA_ENCODING, WallTime, view_schema};
+use crate::log::{ENCODING, LogFile, SCHEMA_ENCODING, WallTime, view_schema};
 
 /// The topic of the samples.
 const TOPIC: &str = "/bench";
@@ -47,6 +47,33 @@ pub struct SampleView {
     pub measured: f64,
     /// That of the last pulse, pulses per second; 0 before the first
     pub frequency: f64,
+}
+
+/// What can go wrong with a file of samples.
+#[derive(Debug, thiserror::Error)]
+pub enum SampleError {
+    /// Measurements are never overwritten.
+    #[error("{} exists already; choose another name or move it away", .path.display())]
+    Exists {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file cannot be made.
+    #[error("cannot create {}: {error}", .path.display())]
+    Create {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        error: io::Error,
+    },
+    /// A full disk, for example. An MCAP is whole up to the last chunk then.
+    #[error("cannot write {}: {error}", .path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What the system or the format said.
+        error: McapError,
+    },
 }
 
 /// How samples are written.
@@ -95,14 +122,14 @@ impl SampleFile {
         motor: &BenchMotor,
         about: &BTreeMap<String, String>,
         epoch: WallTime,
-    ) -> Result<Self, LogError> {
+    ) -> Result<Self, SampleError> {
         let writer = match form {
             SampleForm::Mcap => {
-                let file = LogFile::create(path)?;
+                let file = LogFile::create(path).map_err(|error| not_created(path, error))?;
                 begin_mcap(file, motor, about, epoch).map_err(|error| {
                     // It was made just now, and holds nothing.
                     let _ = fs::remove_file(path);
-                    LogError::Write { path: path.to_owned(), error }
+                    SampleError::Write { path: path.to_owned(), error }
                 })?
             }
             SampleForm::Csv => begin_csv(path)?,
@@ -122,7 +149,7 @@ impl SampleFile {
     ///
     /// # Errors
     /// If it cannot be written. An MCAP is whole up to the last chunk then.
-    pub fn write(&mut self, sample: &Sample) -> Result<(), LogError> {
+    pub fn write(&mut self, sample: &Sample) -> Result<(), SampleError> {
         let Self { path, writer, half_steps_per_count, row } = self;
         row.clear();
         let written = match writer {
@@ -145,14 +172,14 @@ impl SampleFile {
                 .and_then(|()| file.write_all(row))
                 .map_err(McapError::from),
         };
-        written.map_err(|error| LogError::Write { path: path.clone(), error })
+        written.map_err(|error| SampleError::Write { path: path.clone(), error })
     }
 
     /// Ends the file, with what came of the run if its form has a place for that.
     ///
     /// # Errors
     /// If it cannot be written.
-    pub fn finish(self, outcome: BTreeMap<String, String>) -> Result<(), LogError> {
+    pub fn finish(self, outcome: BTreeMap<String, String>) -> Result<(), SampleError> {
         let finished = match self.writer {
             Writer::Mcap { mut mcap, .. } => mcap
                 .write_metadata(&Metadata { name: OUTCOME.to_owned(), metadata: outcome })
@@ -161,7 +188,14 @@ impl SampleFile {
                 .and_then(|()| Ok(mcap.into_inner().finish().map(|_| ())?)),
             Writer::Csv(mut file) => file.flush().map_err(McapError::from),
         };
-        finished.map_err(|error| LogError::Write { path: self.path, error })
+        finished.map_err(|error| SampleError::Write { path: self.path, error })
+    }
+}
+
+fn not_created(path: &Path, error: io::Error) -> SampleError {
+    match error.kind() {
+        io::ErrorKind::AlreadyExists => SampleError::Exists { path: path.to_owned() },
+        _ => SampleError::Create { path: path.to_owned(), error },
     }
 }
 
@@ -189,14 +223,11 @@ fn begin_mcap(
     Ok(Writer::Mcap { mcap: Box::new(mcap), channel, epoch, samples: 0 })
 }
 
-fn begin_csv(path: &Path) -> Result<Writer, LogError> {
-    let file = File::create_new(path).map_err(|error| match error.kind() {
-        io::ErrorKind::AlreadyExists => LogError::Exists { path: path.to_owned() },
-        _ => LogError::Create { path: path.to_owned(), error },
-    })?;
+fn begin_csv(path: &Path) -> Result<Writer, SampleError> {
+    let file = File::create_new(path).map_err(|error| not_created(path, error))?;
     let mut file = BufWriter::with_capacity(1 << 16, file);
     writeln!(file, "{TITLE}")
-        .map_err(|error| LogError::Write { path: path.to_owned(), error: error.into() })?;
+        .map_err(|error| SampleError::Write { path: path.to_owned(), error: error.into() })?;
     Ok(Writer::Csv(file))
 }
 

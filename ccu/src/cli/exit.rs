@@ -6,7 +6,7 @@ use std::io::{self, Write};
 use std::process::ExitCode;
 
 use axis_worker::journal;
-use miette::{Diagnostic, IntoDiagnostic, LabeledSpan, MietteHandlerOpts, Report, ReportHandler, SourceCode};
+use miette::{Diagnostic, IntoDiagnostic, MietteHandlerOpts, Report, ReportHandler};
 use serde_json::{Value, json};
 
 use crate::executive::{Failure, Knowledge};
@@ -61,18 +61,13 @@ impl Exit {
         Self { facts, ..Self::with_code(told.failure.exit_code(), told) }
     }
 
-    /// A program that has failed in a set that is known. Its report marks the place in the program; which axis it is, and
-    /// when it was, is told with the help.
+    /// A program that has failed in a set that is known.
     pub(super) fn of_program(error: ScriptError, knowledge: &Knowledge) -> Self {
-        let ScriptError::Robot { failure, .. } = &error else {
-            return Self::with_code(error.exit_code(), error);
+        let facts = match &error {
+            ScriptError::Robot { failure, .. } => Facts::of(failure, Some(knowledge)),
+            _ => Facts::default(),
         };
-        let facts = Facts::of(failure, Some(knowledge));
-        let mut help = failure.help().map(|help| help.to_string()).unwrap_or_default();
-        if let Some(of_whom) = failure.whom_and_when(knowledge) {
-            let _ = write!(help, "\n({of_whom})");
-        }
-        Self { facts, ..Self::with_code(error.exit_code(), OfProgram { error, help }) }
+        Self { facts, ..Self::with_code(error.exit_code(), error) }
     }
 
     fn new(code: u8, report: Option<Report>) -> Self {
@@ -134,28 +129,6 @@ struct Told {
 impl Diagnostic for Told {
     fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
         self.failure.help()
-    }
-}
-
-/// A program's error with a help that says more than the program knows.
-#[derive(Debug, thiserror::Error)]
-#[error("{error}")]
-struct OfProgram {
-    error: ScriptError,
-    help: String,
-}
-
-impl Diagnostic for OfProgram {
-    fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
-        Some(Box::new(&self.help))
-    }
-
-    fn source_code(&self) -> Option<&dyn SourceCode> {
-        self.error.source_code()
-    }
-
-    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
-        self.error.labels()
     }
 }
 

@@ -137,7 +137,7 @@ Examples:
         after_help = "Examples:\n  ccu halt                            all axes\n  ccu halt left_x left_y"
     )]
     Halt(ask::AxesArgs),
-    /// Finish what was halted: the remaining steps, alone or on a line
+    /// Finish what was halted, or braked and cleared: the remaining steps, alone or on a line
     #[command(after_help = "Examples:\n  ccu resume\n  ccu resume --json")]
     Resume(ask::ResumeArgs),
     /// Stop axes with the steep ramp and lock them; positions are kept

@@ -122,7 +122,7 @@ pub(super) fn kill_worker(args: &KillWorkerArgs) -> Result<(), Exit> {
 fn rows_of(set: &Description) -> Result<Vec<Row>, Exit> {
     let config = Config::from_toml(&set.config, "the set's configuration");
     let config = config.map_err(|error| Exit::could_not(error.into()))?;
-    let up = Duration::try_from_secs_f64(set.up_s).unwrap_or_default();
+    let usage = Usage::of(set.pid);
     let ccu = Row {
         set: set.name.clone(),
         role: "ccu",
@@ -130,9 +130,9 @@ fn rows_of(set: &Description) -> Result<Vec<Row>, Exit> {
         name: None,
         pid: Some(set.pid),
         state: "running",
-        up_s: set.up_s,
-        cpu_percent: Usage::of(set.pid).map(|usage| usage.percent(up)),
-        rss_bytes: Usage::of(set.pid).map(|usage| usage.rss_bytes),
+        up_s: usage.as_ref().map_or(set.up_s, |usage| usage.age.as_secs_f64()),
+        cpu_percent: usage.as_ref().map(Usage::percent),
+        rss_bytes: usage.map(|usage| usage.rss_bytes),
         restarts: 0,
     };
     Ok(std::iter::once(ccu).chain(set.processes.iter().map(|process| row(set, &config, process))).collect())
@@ -162,7 +162,7 @@ fn row(set: &Description, config: &Config, process: &ProcessView) -> Row {
             ProcessState::Ended => "ended",
         },
         up_s: since.as_secs_f64(),
-        cpu_percent: usage.as_ref().map(|usage| usage.percent(since)),
+        cpu_percent: usage.as_ref().map(Usage::percent),
         rss_bytes: usage.map(|usage| usage.rss_bytes),
         restarts: process.restarts,
     }
@@ -212,6 +212,8 @@ fn duration(seconds: f64) -> String {
 #[derive(Debug, Clone, PartialEq)]
 struct Usage {
     cpu: Duration,
+    /// Since it was started.
+    age: Duration,
     rss_bytes: u64,
 }
 
@@ -219,21 +221,22 @@ impl Usage {
     /// `None` if there is no such process.
     fn of(pid: u32) -> Option<Self> {
         let stat = fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
-        Self::parse(&stat, rustix::param::clock_ticks_per_second(), rustix::param::page_size() as u64)
+        let now = Duration::try_from(rustix::time::clock_gettime(rustix::time::ClockId::Boottime)).ok()?;
+        Self::parse(&stat, rustix::param::clock_ticks_per_second(), rustix::param::page_size() as u64, now)
     }
 
-    /// From the text of `/proc/PID/stat`, proc(5): fields 14, 15 and 24, after the name in brackets, which may hold
-    /// anything.
-    fn parse(stat: &str, ticks_per_second: u64, page: u64) -> Option<Self> {
+    /// From the text of `/proc/PID/stat`, proc(5): fields 14, 15, 22 and 24, after the name in brackets, which may hold
+    /// anything. `now` is the time since the machine was started.
+    fn parse(stat: &str, ticks_per_second: u64, page: u64, now: Duration) -> Option<Self> {
         let fields: Vec<&str> = stat.get(stat.rfind(')')? + 1..)?.split_whitespace().collect();
         let number = |field: usize| fields.get(field - 3)?.parse::<u64>().ok();
-        let ticks = number(14)? + number(15)?;
-        let cpu = Duration::from_micros(ticks * 1_000_000 / ticks_per_second.max(1));
-        Some(Self { cpu, rss_bytes: number(24)? * page })
+        let duration = |ticks: u64| Duration::from_micros(ticks * 1_000_000 / ticks_per_second.max(1));
+        let (cpu, age) = (duration(number(14)? + number(15)?), now.saturating_sub(duration(number(22)?)));
+        Some(Self { cpu, age, rss_bytes: number(24)? * page })
     }
 
-    fn percent(&self, up: Duration) -> f64 {
-        100.0 * self.cpu.as_secs_f64() / up.as_secs_f64().max(0.001)
+    fn percent(&self) -> f64 {
+        100.0 * self.cpu.as_secs_f64() / self.age.as_secs_f64().max(0.001)
     }
 }
 
@@ -244,10 +247,11 @@ mod tests {
     #[test]
     fn a_process_whose_name_has_brackets() {
         let stat = "42 (a) b) (c) S 1 42 42 0 -1 4194560 100 0 0 0 150 50 0 0 20 0 3 0 1000 99 7 1844";
-        let usage = Usage::parse(stat, 100, 4_096).expect("it is whole");
-        assert_eq!(usage, Usage { cpu: Duration::from_secs(2), rss_bytes: 7 * 4_096 });
-        assert!((usage.percent(Duration::from_secs(20)) - 10.0).abs() < 1e-9);
-        assert_eq!(Usage::parse("42 (ccu) S 1", 100, 4_096), None);
+        let usage = Usage::parse(stat, 100, 4_096, Duration::from_secs(30)).expect("it is whole");
+        let (cpu, age) = (Duration::from_secs(2), Duration::from_secs(20));
+        assert_eq!(usage, Usage { cpu, age, rss_bytes: 7 * 4_096 });
+        assert!((usage.percent() - 10.0).abs() < 1e-9);
+        assert_eq!(Usage::parse("42 (ccu) S 1", 100, 4_096, Duration::ZERO), None);
         assert!(Usage::of(std::process::id()).expect("that is us").rss_bytes > 0);
     }
 

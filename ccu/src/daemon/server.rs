@@ -26,7 +26,7 @@ use crate::executive::{Executive, Failure, Link, Operate, Outcome, Request};
 /// Of a longer line only so much is read; the rest then makes no sense and is answered so.
 const LONGEST_LINE: u64 = 64 * 1024;
 
-/// How often a watcher is told what does not stand in frames.
+/// How often a watcher is told what does not stand in frames, and an executive that nobody asks takes note of what it hears.
 const FACTS: Duration = Duration::from_secs(1);
 /// How long frames are gathered for a watcher before they go to it together, and how many at most.
 const GATHERING: Duration = Duration::from_millis(20);
@@ -78,6 +78,7 @@ async fn attend(stream: UnixStream, desk: Arc<Desk>) -> io::Result<()> {
     let (read, mut write) = stream.into_split();
     let cancelled = Arc::new(AtomicBool::new(false));
     let mut executive = Executive::new(desk.exchange.link(Arc::clone(&cancelled)));
+    let hung_up = Arc::clone(&cancelled);
     // Lines are read while a request is being carried out, so that the end of the connection is seen at once.
     let (lines, mut next) = mpsc::channel(1);
     let reading = task::spawn(async move {
@@ -92,7 +93,24 @@ async fn attend(stream: UnixStream, desk: Arc<Desk>) -> io::Result<()> {
         }
         cancelled.store(true, Ordering::Release);
     });
-    while let Some(line) = next.recv().await {
+    let mut idle = tokio::time::interval(FACTS);
+    idle.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    loop {
+        let line = tokio::select! {
+            biased;
+            line = next.recv() => match line {
+                Some(line) => line,
+                None => break,
+            },
+            // An executive keeps what it hears until it is asked, and people may think for hours.
+            _ = idle.tick() => {
+                if executive.catch_up() == Err(Failure::Cancelled) {
+                    // This is about the request that may just have come.
+                    hung_up.store(true, Ordering::Release);
+                }
+                continue;
+            }
+        };
         let answer = match serde_json::from_slice(&line) {
             Ok(ToDaemon::Do(request)) => {
                 let (back, answer) =

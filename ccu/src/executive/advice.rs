@@ -4,6 +4,7 @@
 use supersigma_protocol::{Alarm, Position, Refusal};
 
 use super::failure::Failure;
+use super::halted::can_go_on_after;
 
 /// What becomes of the position when an alarm has stopped an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -91,7 +92,11 @@ pub fn failure(failure: &Failure) -> String {
             refusal(reason).into()
         }
         Failure::Alarm { alarm: cause, position, .. } => {
-            format!("{}; {}", alarm(cause), whereabouts(*position))
+            let rest = match position {
+                Some(_) if can_go_on_after(*cause) => ", and `ccu resume` makes the remaining steps",
+                _ => "",
+            };
+            format!("{}; {}{rest}", alarm(cause), whereabouts(*position))
         }
         Failure::Stopped { position: Some(_), .. } => "`ccu resume` makes the remaining steps".into(),
         Failure::Stopped { position: None, .. } => "originate it, its position is lost".into(),

@@ -275,16 +275,6 @@ impl Failure {
         text
     }
 
-    /// Which axis, by number and name, and when, in machine time: what a message without them leaves open.
-    #[must_use]
-    pub fn whom_and_when(&self, knowledge: &Knowledge) -> Option<String> {
-        let whom = knowledge.number_and_name(self.axis()?);
-        Some(match self.at() {
-            Some(at) => format!("{whom}, at {:.7} s of machine time", at.since(Tick(0)).as_seconds()),
-            None => whom,
-        })
-    }
-
     /// `time`, if it is not empty, begins with a space.
     fn tell(&self, f: &mut dyn fmt::Write, name: &dyn Fn(AxisNumber) -> String, time: &str) -> fmt::Result {
         let card_name = |card: &Address| match card.kind() {

@@ -1,11 +1,12 @@
 //! What becomes of a movement that somebody halts: its rest is known, kept, and made when somebody resumes it. A program
-//! waits for that; a single command ends, and leaves its rest behind.
+//! waits for that; a single command ends, and leaves its rest behind. So does one that an alarm has ended and that could go
+//! on: when the alarm has been cleared.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
 
 use supersigma_protocol::{
-    Activity, Answer, AxisNumber, AxisReport, Broadcast, Command, Operation, Report, Steps,
+    Activity, Alarm, Answer, AxisNumber, AxisReport, Broadcast, Command, Operation, Report, Steps,
 };
 
 use super::failure::Failure;
@@ -69,13 +70,34 @@ impl<L: Link> Executive<L> {
         }
         self.link.tell_resume();
         let mut movements = Vec::new();
-        for rest in remainders {
-            self.check_places(&rest)?;
-            if let Outcome::Moved(moved) = self.operate(rest.request)? {
-                movements.extend(moved);
+        let mut remainders = remainders.into_iter();
+        while let Some(rest) = remainders.next() {
+            let result = self.check_places(&rest).and_then(|()| self.operate(rest.request.clone()));
+            match result {
+                Ok(Outcome::Moved(moved)) => movements.extend(moved),
+                Ok(_) => {}
+                Err(failure) => {
+                    let nothing_moved = matches!(failure, Failure::Refused { .. } | Failure::NoLog(_));
+                    let this = nothing_moved.then_some(rest);
+                    this.into_iter().chain(remainders).for_each(|rest| self.link.common().leave(rest));
+                    return Err(failure);
+                }
             }
         }
         Ok(Outcome::Moved(movements))
+    }
+
+    /// Acknowledges alarms. What they have ended while nobody waited for it is known from now on.
+    pub(super) fn clear(&mut self, axes: &[AxisNumber]) -> Result<Outcome, Failure> {
+        if let Outcome::Axes(states) = self.tell(axes, Operation::Status)? {
+            let in_alarm = |state: &AxisState| state.report.and_then(|report| report.alarm);
+            let can_go_on = |state: &&AxisState| in_alarm(state).is_some_and(can_go_on_after);
+            let ended: Vec<_> = states.iter().filter(can_go_on).map(|state| state.axis).collect();
+            for request in self.link.common().take_unwatched(&ended) {
+                self.leave_rest(&request)?;
+            }
+        }
+        self.tell(axes, Operation::Clear)
     }
 
     /// Stops axes, and whoever is on a line with them: those at one tick, so that they stay on it. Returns when all stand.
@@ -143,7 +165,7 @@ impl<L: Link> Executive<L> {
             },
             _ => return Ok(()),
         };
-        self.link.common().leave(Remainder { request, from });
+        self.link.common().leave(Remainder { request, from, moved: None });
         Ok(())
     }
 
@@ -179,6 +201,9 @@ impl<L: Link> Executive<L> {
     }
 
     pub(super) fn check_places(&mut self, rest: &Remainder) -> Result<(), Failure> {
+        if let Some(axis) = rest.moved {
+            return Err(Failure::MovedMeanwhile { axis });
+        }
         for (axis, position) in &rest.from {
             if self.stand(*axis)?.position != *position {
                 return Err(Failure::MovedMeanwhile { axis: *axis });
@@ -186,6 +211,12 @@ impl<L: Link> Executive<L> {
         }
         Ok(())
     }
+}
+
+/// Whether the steps that an alarm has cut off may still be made: nothing has been lost, and nothing stands in their way that
+/// the operator could not have removed.
+pub(super) fn can_go_on_after(alarm: Alarm) -> bool {
+    matches!(alarm, Alarm::ExcessiveForce | Alarm::Braked)
 }
 
 /// What an answer says of an axis, if it is this one and stands.

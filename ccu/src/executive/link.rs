@@ -182,6 +182,10 @@ impl Common {
         let mut shared = self.shared();
         shared.lines.retain(|line| !line.iter().any(|axis| axes.contains(axis)));
         shared.unwatched.retain(|request| !request.moving().keys().any(|axis| axes.contains(axis)));
+        for rest in &mut shared.remainders {
+            let again = rest.from.iter().map(|(axis, _)| *axis).find(|axis| axes.contains(axis));
+            rest.moved = rest.moved.or(again);
+        }
         if axes.len() > 1 {
             shared.lines.push(axes.to_vec());
         }

@@ -25,6 +25,7 @@ use supersigma_protocol::{
 
 pub use again::{Again, Sent, Shift};
 pub use failure::{Failure, LogTrouble};
+use halted::can_go_on_after;
 use link::Paused;
 pub use link::{Common, Heard, Knowledge, Link};
 pub use request::{
@@ -78,6 +79,12 @@ impl<L: Link> Operate for Executive<L> {
         let result = self.carry_out(&request).or_else(|failure| self.recover(&request, failure));
         match &result {
             Err(Failure::Stopped { .. }) => self.leave_rest(&request)?,
+            Err(Failure::Alarm { alarm, .. }) if can_go_on_after(*alarm) => {
+                // The alarm is what must be told, whatever becomes of the rest.
+                if let Err(failure) = self.leave_rest(&request) {
+                    tracing::debug!(%failure, "the rest of the movement is not known");
+                }
+            }
             Ok(_) if request.is_unwatched() => self.link.common().leave_unwatched(request),
             // Whoever asked has gone, and with him whoever would wait for what he has begun.
             Err(Failure::Cancelled) => self.abandon(),
@@ -113,7 +120,7 @@ impl<L: Link> Executive<L> {
             Request::Resume => self.resume(),
             Request::Halt { axes } => self.stop(axes, Operation::Halt),
             Request::Brake { axes } => self.stop(axes, Operation::Brake),
-            Request::Clear { axes } => self.tell(axes, Operation::Clear),
+            Request::Clear { axes } => self.clear(axes),
             Request::Status { axes } => self.tell(axes, Operation::Status),
             Request::Output { bit, on } => self.output(*bit, *on),
             Request::Digital { card } => self.digital(*card, Operation::Status).map(Outcome::Digital),

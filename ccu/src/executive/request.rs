@@ -216,13 +216,15 @@ pub struct Leg {
     pub speed: Option<f64>,
 }
 
-/// What is left of a movement that was halted.
+/// What is left of a movement that was halted, or ended by an alarm.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Remainder {
     /// What finishes it.
     pub request: Request,
     /// Where the axes stood then; if they stand elsewhere, it makes no sense any more.
     pub from: Vec<(AxisNumber, Option<Position>)>,
+    /// An axis that has begun another movement since, so that it makes no sense even where the axis has come back.
+    pub moved: Option<AxisNumber>,
 }
 
 /// What came of a [`Request`].

@@ -20,8 +20,6 @@ use mcap::MAGIC;
 use mcap::records::op;
 use rustix::fs::{FallocateFlags, fallocate};
 
-use super::LogError;
-
 /// Room for everything that may still be in memory when the disk is full, for the second after that on the fastest bus
 /// (20 000 frames of 60 bytes), and for the summary.
 const RESERVE: u64 = 2 << 20;
@@ -69,12 +67,8 @@ enum Reserve {
 
 impl LogFile {
     /// Makes a file that did not exist.
-    pub(crate) fn create(path: &Path) -> Result<Self, LogError> {
-        let file = OpenOptions::new().write(true).create_new(true).open(path);
-        let file = file.map_err(|error| match error.kind() {
-            io::ErrorKind::AlreadyExists => LogError::Exists { path: path.to_owned() },
-            _ => LogError::Create { path: path.to_owned(), error },
-        })?;
+    pub(crate) fn create(path: &Path) -> io::Result<Self> {
+        let file = OpenOptions::new().write(true).create_new(true).open(path)?;
         let ledger = Arc::default();
         Ok(Self { file, pending: Vec::new(), reserve: Reserve::UpTo(0), flushes: 0, closed: false, ledger })
     }

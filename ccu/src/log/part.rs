@@ -2,6 +2,7 @@
 //! ones, and when a part ends, the writer decides.
 
 use std::fs::{self, File};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -45,7 +46,10 @@ impl Part {
         place: &PartPlace,
         began: Tick,
     ) -> Result<Self, LogError> {
-        let file = LogFile::create(path)?;
+        let file = LogFile::create(path).map_err(|error| match error.kind() {
+            io::ErrorKind::AlreadyExists => LogError::Exists { path: path.to_owned() },
+            _ => LogError::Create { path: path.to_owned(), error },
+        })?;
         let ledger = file.ledger();
         let preamble = move || -> Result<_, McapError> {
             let mut mcap = WriteOptions::new()

@@ -39,10 +39,12 @@ pub enum ScriptError {
         at: Box<Place>,
     },
     /// The robot, or the way to it, did not do what was asked.
-    #[error("{at}: {failure}")]
+    #[error("{at}: {message}")]
     Robot {
         /// Why.
         failure: Failure,
+        /// The same in words, with the names of the set's axes and the machine time.
+        message: String,
         /// The call that asked for it.
         at: Box<Place>,
     },
@@ -135,8 +137,8 @@ impl ScriptError {
             | Self::Script { message, .. }
             | Self::Timeout { message, .. }
             | Self::Thrown { message, .. }
+            | Self::Robot { message, .. }
             | Self::LimitReached { message, .. } => message.clone(),
-            Self::Robot { failure, .. } => failure.to_string(),
             Self::Interrupted { .. } => "interrupted".into(),
         }
     }
@@ -233,11 +235,13 @@ impl ScriptError {
     fn of_trouble(trouble: Trouble, at: impl Fn(&str) -> Box<Place>) -> Self {
         let message = trouble.to_string();
         match trouble {
-            Trouble::Robot { failure, axis: Some(axis), .. } => Self::Robot { failure, at: at(&axis) },
+            Trouble::Robot { failure, axis: Some(axis), .. } => {
+                Self::Robot { failure, message, at: at(&axis) }
+            }
             Trouble::Robot { failure: Failure::Cancelled, .. } | Trouble::Interrupted => {
                 Self::Interrupted { at: at("here") }
             }
-            Trouble::Robot { failure, axis: None, .. } => Self::Robot { failure, at: at("here") },
+            Trouble::Robot { failure, axis: None, .. } => Self::Robot { failure, message, at: at("here") },
             Trouble::Timeout { .. } => Self::Timeout { message, at: at("here") },
             Trouble::Wrong { message, help } => Self::Script { message, help, at: at("here") },
         }

@@ -10,15 +10,17 @@ use crate::executive::{Failure, Knowledge};
 #[derive(Debug, Clone, thiserror::Error)]
 pub(super) enum Trouble {
     /// The robot, or the way to it.
-    #[error("{failure}")]
+    #[error("{message}")]
     Robot {
         failure: Failure,
+        /// In words, with the names of the set's axes.
+        message: Box<str>,
         /// The axis that it concerns, as people call it.
-        axis: Option<String>,
+        axis: Option<Box<str>>,
         /// When.
         tick: Option<Tick>,
         /// If it is several failures: each of them.
-        each: Vec<Trouble>,
+        each: Box<[Trouble]>,
     },
     /// An input that did not come.
     #[error("input {input} did not become {level} within {seconds} s")]
@@ -34,17 +36,21 @@ pub(super) enum Trouble {
 impl Trouble {
     /// A failure, with the name of its axis; of several the first one's.
     pub(super) fn robot(failure: Failure, knowledge: &Knowledge, tick: Option<Tick>) -> Self {
-        let each: Vec<Self> = match &failure {
+        let each: Box<[Self]> = match &failure {
             Failure::Several { failures } => {
                 failures.iter().map(|one| Self::robot(one.clone(), knowledge, tick)).collect()
             }
-            _ => vec![],
+            _ => Box::default(),
         };
         let axis = match each.first() {
             Some(Self::Robot { axis, .. }) => axis.clone(),
-            _ => failure.axis().and_then(|axis| knowledge.config.axis(axis)).map(|axis| axis.name.clone()),
+            _ => failure
+                .axis()
+                .and_then(|axis| knowledge.config.axis(axis))
+                .map(|axis| axis.name.as_str().into()),
         };
-        Self::Robot { axis, tick: failure.at().or(tick), failure, each }
+        let message = failure.told(knowledge).into();
+        Self::Robot { axis, tick: failure.at().or(tick), failure, message, each }
     }
 
     /// An argument of the wrong type or out of range.
@@ -91,7 +97,7 @@ impl Trouble {
 
     fn axis(&self) -> Dynamic {
         match self {
-            Self::Robot { axis: Some(axis), .. } => axis.into(),
+            Self::Robot { axis: Some(axis), .. } => axis.as_ref().into(),
             _ => Dynamic::UNIT,
         }
     }

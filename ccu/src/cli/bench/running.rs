@@ -8,17 +8,17 @@ use std::path::PathBuf;
 use std::sync::mpsc::{self, Receiver, TryRecvError};
 
 use axis_worker::bench::{Sampling, SamplingError, Train};
-use clap::Args;
+use clap::{Args, ValueHint};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{Report as Diagnosis, miette};
 use supersigma_protocol::{Direction, Tick};
 
 use super::motor::MotorArgs;
 use super::pictures::PictureArgs;
-use crate::bench::{Program, Report, Run, RunError, SampleFile, SampleForm};
+use crate::bench::{Program, Report, Run, RunError, SampleError, SampleFile, SampleForm};
 use crate::cli::exit::Exit;
 use crate::cli::{set, show};
-use crate::log::{LogError, WallTime};
+use crate::log::WallTime;
 
 /// How a run is sampled, and what becomes of the samples.
 #[derive(Args)]
@@ -30,7 +30,7 @@ pub(super) struct RunArgs {
     #[arg(long)]
     reverse: bool,
     /// Write all samples to this file: .mcap for viewers, .csv for tables; must not exist yet
-    #[arg(long, value_name = "FILE", value_parser = sample_file)]
+    #[arg(long, value_name = "FILE", value_parser = sample_file, value_hint = ValueHint::FilePath)]
     out: Option<(PathBuf, SampleForm)>,
     /// One JSON object
     #[arg(long)]
@@ -53,7 +53,7 @@ impl RunArgs {
             .as_ref()
             .map(|(path, form)| SampleFile::create(path, *form, &motor, &run.about(), WallTime::now()))
             .transpose()
-            .map_err(file_error)?;
+            .map_err(|error| file_error(&error))?;
         let (progress, signals) = (progress(run.train.duration().ticks().0), Signals::listen()?);
         let report = run.go(file, recording.as_mut(), &mut |now: Tick| {
             progress.set_position(now.0);
@@ -61,7 +61,7 @@ impl RunArgs {
         });
         progress.finish_and_clear();
         let report = report.map_err(|error| match error {
-            RunError::File(error) => file_error(error),
+            RunError::File(error) => file_error(&error),
             RunError::Motor(error) => Exit::wrong(miette!("{error}")),
         })?;
         let mut out = BufWriter::new(io::stdout().lock());
@@ -196,10 +196,10 @@ impl Signals {
     }
 }
 
-fn file_error(error: LogError) -> Exit {
+fn file_error(error: &SampleError) -> Exit {
     match error {
-        LogError::Exists { .. } | LogError::Create { .. } => Exit::wrong(miette!("{error}")),
-        other => Exit::could_not(miette!("{other}")),
+        SampleError::Exists { .. } | SampleError::Create { .. } => Exit::wrong(miette!("{error}")),
+        SampleError::Write { .. } => Exit::could_not(miette!("{error}")),
     }
 }
 

@@ -173,7 +173,7 @@ fn what_nobody_waits_for_is_waited_for_at_the_end_and_tells_its_block_when_it_fa
         bench.emergency = Some((tick, axis, supersigma_protocol::Fault::Force));
     });
     let error = rig.fails("wait(0.01);\nbegin { move_by(1, 20000) }\nprint(1);");
-    assert!(error.to_string().starts_with("test.rhai:2:7: axis 1 is in alarm: "), "{error}");
+    assert!(error.to_string().starts_with("test.rhai:2:7: axis 1 (left_x) is in alarm at "), "{error}");
 }
 
 #[test]

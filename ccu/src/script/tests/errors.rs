@@ -108,7 +108,8 @@ fn a_refusal_is_drawn_with_its_axis_and_the_calls_that_led_there() {
     is_drawn(
         &error,
         r"
-  × test.rhai:2:5: axis 3 refused: target -5 is outside the travel 0 to 18300
+  × test.rhai:2:5: axis 3 (left_z) refused at 1.1769220 s: target -5 is outside the travel 0 to
+  │ 18300
    ╭─[test.rhai:2:5]
  1 │ fn up(axis) {
  2 │     move_by(axis, -5);
@@ -162,8 +163,11 @@ fn what_is_wrong_with_a_script_is_told_with_its_place() {
         ("input(1.0)", "1:1: an input is a name or a number, not the float 1.0"),
         ("wait_for(0, 1, 1)", "1:1: `level` must be true or false, not 1"),
         // These are the robot's words, but the program asked for what no robot can do.
-        ("speed(20000)", "1:1: axis 1 cannot run at 20000 steps/s; its ramp goes from 650.0 to 15037.6"),
-        ("speed(7, 10)", "1:1: axis 7 cannot run at 10 steps/s; its ramp goes from 650.0 to 15037.6"),
+        (
+            "speed(20000)",
+            "1:1: axis 1 (left_x) cannot run at 20000 steps/s; its ramp goes from 650.0 to 15037.6",
+        ),
+        ("speed(7, 10)", "1:1: axis 7 (wrist) cannot run at 10 steps/s; its ramp goes from 650.0 to 15037.6"),
         ("move_by(1, 70000)", "1:1: 70000 steps are too many for one movement (at most 65535)"),
         ("line(#{})", "1:1: no axis of the line has any steps to make"),
     ];
@@ -187,10 +191,13 @@ fn a_place_counts_characters_not_bytes() {
 #[test]
 fn what_the_robot_could_not_is_its_fault() {
     let cases = [
-        ("go_to(1, 5)", "1:1: axis 1 refused: the position is unknown; originate first"),
-        ("position(\"wrist\")", "1:1: axis 7 refused: the position is unknown; originate first"),
-        ("line_to(#{ left_y: 5 })", "1:1: axis 2 refused: the position is unknown; originate first"),
-        ("brake(2); origin(2)", "1:11: axis 2 refused: an alarm holds the axis; clear it first"),
+        ("go_to(1, 5)", "1:1: axis 1 (left_x) refused: the position is unknown; originate first"),
+        ("position(\"wrist\")", "1:1: axis 7 (wrist) refused: the position is unknown; originate first"),
+        ("line_to(#{ left_y: 5 })", "1:1: axis 2 (left_y) refused: the position is unknown; originate first"),
+        (
+            "brake(2); origin(2)",
+            "1:11: axis 2 (left_y) refused at 0.0000000 s: an alarm holds the axis; clear it first",
+        ),
         ("wait_for(0, true, 0.1)", "1:1: input 0 did not become true within 0.1 s"),
         ("throw \"no part\"", "1:1: no part"),
         ("throw 5", "1:1: the program threw 5"),
@@ -214,7 +221,7 @@ fn a_caught_refusal_says_what_it_is_and_the_program_goes_on() {
          try { wait_for(0, true, 0) } catch (err) { print(err.kind) }
          go_to(\"left_x\", 500)",
     );
-    let message = "axis 1 refused: target 70000 is outside the travel 0 to 66000";
+    let message = "axis 1 (left_x) refused: target 70000 is outside the travel 0 to 66000";
     let debugged = format!("test.rhai:2: refused: {message}");
     let expected =
         ["refused", "left_x", message, message, &debugged, "RobotError", "wrong_argument", "true", "timeout"];
@@ -226,7 +233,7 @@ fn a_caught_refusal_says_what_it_is_and_the_program_goes_on() {
 fn what_is_caught_and_thrown_on_is_what_it_was() {
     for thrown in ["throw err", "throw"] {
         let error = Rig::new().fails(&format!("try {{ go_to(2, 5) }} catch (err) {{ {thrown} }}"));
-        let ScriptError::Robot { failure, at } = &error else { panic!("{error:?}") };
+        let ScriptError::Robot { failure, at, .. } = &error else { panic!("{error:?}") };
         assert_eq!(*failure, Failure::Refused { axis: axis(2), refusal: Refusal::NotOriginated, at: None });
         assert_eq!(at.to_string(), "test.rhai:1:35");
     }

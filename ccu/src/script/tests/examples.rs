@@ -44,9 +44,9 @@ fn the_recovery_recovers() {
     assert_eq!(
         printed,
         [
-            "wrist: axis 7 refused: the position is unknown; originate first",
-            "wrist: axis 7 refused: target 60000 is outside the travel 0 to 6500",
-            "wrist: axis 7 refused: an alarm holds the axis; clear it first (braked on command)",
+            "axis 7 (wrist) refused: the position is unknown; originate first",
+            "axis 7 (wrist) refused at 0.8378725 s: target 60000 is outside the travel 0 to 6500",
+            "axis 7 (wrist) refused at 1.3224225 s: an alarm holds the axis; clear it first (braked on command)",
             "timeout: input left_grasped did not become true within 0.5 s",
             "the wrist is at 5000",
         ]

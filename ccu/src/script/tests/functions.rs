@@ -101,7 +101,7 @@ fn go_to_takes_more_than_one_command_for_a_way_that_is_too_long_for_one() {
     // Nothing of it is made if the last part would end outside the travel.
     let error = rig.fails("go_to(\"left_x\", -5)");
     assert!(
-        error.to_string().ends_with("axis 1 refused: target -5 is outside the travel 0 to 66000"),
+        error.to_string().ends_with("axis 1 (left_x) refused: target -5 is outside the travel 0 to 66000"),
         "{error}"
     );
     assert_eq!(rig.carriage("left_x"), 65_535);
