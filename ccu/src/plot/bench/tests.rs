@@ -131,13 +131,13 @@ fn the_heading_says_what_was_run_and_what_came_of_it() {
     assert_eq!(plotted.title, "100 steps at a constant frequency of 1\u{2009}000 Hz");
     assert_eq!(plotted.subtitle, "the bench motor, against 0.5 N·m; -100 steps given, -100 made");
     assert!(plotted.parts.is_none() && plotted.first_lost.is_none());
-    // Once it runs, the filtered speed is the pulses', whichever way it turns.
+    // Once it runs, a swing of start aside, the filtered speed is the pulses', whichever way it turns.
     let shown = Shown::new(&plotted).expect("20 kHz");
     let half_steps = shown.sign * 400.0 / 8_000.0;
     let choice = Choice { cutoff: Cutoff::RAMPS, taps: None };
     let speeds = shown.speeds(half_steps, choice).expect("they can be made");
-    let running = speeds.filtered.iter().filter(|point| (0.04..0.09).contains(&point.seconds));
+    let running = speeds.filtered.iter().filter(|point| (0.05..0.09).contains(&point.seconds));
     for point in running {
-        assert!((point.speed - 1_000.0).abs() < 30.0, "{point:?}");
+        assert!((point.speed - 1_000.0).abs() < 40.0, "{point:?}");
     }
 }
