@@ -92,8 +92,8 @@ impl<'a> Plotted<'a> {
     /// The recording of a run, and the report of it.
     #[must_use]
     pub fn new(run: &Run<'_>, report: &Report, recording: &'a Recording) -> Self {
-        let fastest = recording.commanded.iter().map(|pulse| 1.0 / period(pulse)).fold(0.0, f64::max);
         let pulses = number_of(report.pulses);
+        let fastest = top_frequency(run.train.steps(), recording);
         let fastest = number(fastest, usize::from(fastest < 100.0 && fastest.fract() > 0.05));
         let title = match run.program {
             Program::Constant => format!("{pulses} steps at a constant frequency of {fastest} Hz"),
@@ -242,13 +242,17 @@ impl<'a> Shown<'a> {
         let half_cycle = f64::from(HALF_STEPS_PER_CYCLE) / 2.0;
         let limits = [(0.0, -half_cycle), (0.0, half_cycle)];
         let y = reach(lag.iter().chain(&limits), 0.1);
+        let y_top = y.end;
         let heading = "How far the shaft is behind the pulses; beyond half a cycle it is not pulled back";
         let chart = frame(heading, self.time.clone(), y, "steps").draw(area)?;
         for (_, limit) in limits {
             dashes(&chart, (self.time.start, limit), (self.time.end, limit), &GREY, 4.0)?;
         }
         let words = Words::new(12.0).color(GREY).ends().below();
-        words.mark(&chart, (self.time.end, half_cycle), (-6.0, 4.0), "half a cycle: 4 steps")?;
+        // If steps are lost, both limits are close to 0.
+        if y_top < 5.0 * half_cycle {
+            words.mark(&chart, (self.time.end, half_cycle), (-6.0, 4.0), "half a cycle: 4 steps")?;
+        }
         polyline(&chart, thinned(lag, area), stroke(&REAL, 1.0))?;
         self.lost_line(&chart).map(drop)
     }
@@ -283,12 +287,13 @@ impl<'a> Shown<'a> {
         let at = place.time_s;
         let (pulse, speed) = (number_of(place.pulse), number(place.frequency, 0));
         let text = format!("steps lost from pulse {pulse} on, at {speed} steps/s");
-        let words = Words::new(12.0).color(ALARM).above();
+        let words = Words::new(12.0).color(ALARM).below();
         let x = chart.plotting_area().get_x_range();
         let (words, dx) =
             if at > f64::midpoint(x.start, x.end) { (words.ends(), -6.0) } else { (words, 6.0) };
-        let bottom = chart.plotting_area().get_y_range().start;
-        words.mark(chart, (at, bottom), (dx, -6.0), &text)
+        // Below the names of the parts.
+        let top = chart.plotting_area().get_y_range().end;
+        words.mark(chart, (at, top), (dx, 38.0), &text)
     }
 
     /// The line alone; the place, if it is in this frame.
@@ -394,18 +399,38 @@ impl<'a> Shown<'a> {
             .collect()
     }
 
-    /// The pulse in the middle and what comes of it: a period and a half, or 20 ms if that is more.
+    /// The pulse in the middle and what comes of it, or how steps are lost: a period and a half, or 20 ms if that is more.
     fn close_up(&self) -> Range<f64> {
         let pulses = &self.run.recording.commanded;
         let Some(middle) = pulses.get(pulses.len().saturating_sub(1) / 2) else { return self.time.clone() };
         let span = (1.5 * period(middle)).max(0.02).min(self.time.end);
-        let begin = (seconds(middle.at) - 0.1 * span).clamp(0.0, self.time.end - span);
+        let begin = match self.run.first_lost {
+            Some(place) => place.time_s - 0.5 * span,
+            None => seconds(middle.at) - 0.1 * span,
+        };
+        let begin = begin.clamp(0.0, self.time.end - span);
         begin..begin + span
     }
 
     fn enlarged(&self) -> String {
+        if self.run.first_lost.is_some() {
+            return "Enlarged: where the first steps are lost".into();
+        }
         let middle = self.run.recording.commanded.len().div_ceil(2);
         format!("Enlarged: pulse {} and what comes of it", number_of(middle as u64))
+    }
+}
+
+/// The mean frequency of the constant part; of a train that has none, that of its shortest period. Single counts are whole
+/// clocks, and so a little off.
+fn top_frequency(PartSteps { a, b, .. }: PartSteps, recording: &Recording) -> f64 {
+    let at = |pulse: u32| match pulse.checked_sub(1) {
+        Some(index) => recording.commanded.get(index as usize).map(|pulse| seconds(pulse.at)),
+        None => Some(0.0),
+    };
+    match (at(a), at(a + b)) {
+        (Some(from), Some(to)) if to > from => f64::from(b) / (to - from),
+        _ => recording.commanded.iter().map(|pulse| 1.0 / period(pulse)).fold(0.0, f64::max),
     }
 }
 
@@ -417,7 +442,7 @@ fn frame<'a>(heading: &'a str, x: Range<f64>, y: Range<f64>, y_name: &'a str) ->
 fn reach<'a>(points: impl Iterator<Item = &'a (f64, f64)>, air: f64) -> Range<f64> {
     let all = points.map(|point| (point.1, point.1)).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
     let (low, high) = all.unwrap_or((0.0, 1.0));
-    let air = (high - low).max(1e-3) * air;
+    let air = (high - low).max(1.0) * air;
     low - air..high + air
 }
 

@@ -62,6 +62,9 @@ fn lines_are_the_recording_in_units() {
     assert_eq!(&real[..3], [(0.0, 0.0), (0.01, 0.0), (0.01005, 0.045)]);
     let (t, degrees) = *real.last().expect("some");
     assert!((t - 0.05).abs() < 1e-9 && (degrees - 3.6).abs() < 1e-9);
+    let all = |b| PartSteps { a: 0, b, c: 4 - b };
+    assert!((top_frequency(all(4), &recording) - 100.0).abs() < 1e-9);
+    assert!((top_frequency(all(0), &recording) - 100.0).abs() < 1e-9);
     // A pulse is a step of lag at once; a millisecond later it is made good.
     let lag = shown.lag(0.05);
     assert_eq!((lag[199].1, lag[200].1, lag[210].1, lag[220].1), (0.0, 1.0, 0.5, 0.0));
@@ -92,6 +95,7 @@ fn pictures_name_units_parts_and_losses() {
     assert!(!plain.contains("Ns_") && !plain.contains("lost"));
     assert!(drawn(&whole, Graph::Position).contains("degrees"));
     let speed = drawn(&whole, Graph::Speed);
+    assert!(speed.contains("Enlarged: where the first steps are lost"));
     assert!(speed.contains("degrees/s") && speed.contains("21 taps at 20 kHz, low pass 400 Hz"));
     assert!(profile.contains("low pass 50 Hz"));
 }
