@@ -15,8 +15,8 @@ use supersigma_protocol::Direction;
 
 use super::moves::{clipped, thinned};
 use super::sheet::{
-    ALARM, Area, Chart, DrawError, Drawn, Entry, Frame, GREY, Head, Words, dashes, number, picture, polyline,
-    px, stroke, width,
+    ALARM, Area, Chart, Drawn, Entry, Frame, GREY, Head, Words, dashes, number, picture, polyline, px,
+    stroke, width,
 };
 use super::trace::seconds;
 use super::{Picture, PlotError, Size};
@@ -254,7 +254,7 @@ impl<'a> Shown<'a> {
             words.mark(&chart, (self.time.end, half_cycle), (-6.0, 4.0), "half a cycle: 4 steps")?;
         }
         polyline(&chart, thinned(lag, area), stroke(&REAL, 1.0))?;
-        self.lost_line(&chart).map(drop)
+        self.first_lost(&chart)
     }
 
     /// `Ns_a`, `Ns_b` and `Ns_c`, each above its part.
@@ -281,38 +281,26 @@ impl<'a> Shown<'a> {
         Ok(())
     }
 
-    /// Where the first steps were lost, as a line with words.
+    /// Where the first steps were lost, if it is in this frame; the legend says which they were.
     fn first_lost(&self, chart: &Chart<'_, '_>) -> Drawn {
-        let Some(place) = self.lost_line(chart)? else { return Ok(()) };
-        let at = place.time_s;
-        let (pulse, speed) = (number_of(place.pulse), number(place.frequency, 0));
-        let text = format!("steps lost from pulse {pulse} on, at {speed} steps/s");
-        let words = Words::new(12.0).color(ALARM).below();
-        let x = chart.plotting_area().get_x_range();
-        let (words, dx) =
-            if at > f64::midpoint(x.start, x.end) { (words.ends(), -6.0) } else { (words, 6.0) };
-        // Below the names of the parts.
-        let top = chart.plotting_area().get_y_range().end;
-        words.mark(chart, (at, top), (dx, 38.0), &text)
-    }
-
-    /// The line alone; the place, if it is in this frame.
-    fn lost_line(&self, chart: &Chart<'_, '_>) -> Result<Option<FirstLost>, DrawError> {
+        let Some(at) = self.run.first_lost.map(|place| place.time_s) else { return Ok(()) };
         let (x, y) = (chart.plotting_area().get_x_range(), chart.plotting_area().get_y_range());
-        let here = self.run.first_lost.filter(|place| x.contains(&place.time_s));
-        if let Some(place) = here {
-            let at = place.time_s;
-            dashes(chart, (at, y.start), (at, y.end), &ALARM, 4.0)?;
+        if !x.contains(&at) {
+            return Ok(());
         }
-        Ok(here)
+        dashes(chart, (at, y.start), (at, y.end), &ALARM, 4.0)
     }
 
     fn picture(
         &self,
-        legend: Vec<Entry>,
+        mut legend: Vec<Entry>,
         height: u32,
         paint: impl FnOnce(&Area<'_>) -> Drawn,
     ) -> Result<Picture, PlotError> {
+        if let Some(place) = self.run.first_lost {
+            let (pulse, speed) = (number_of(place.pulse), number(place.frequency, 0));
+            legend.push(Entry::line(format!("steps lost from pulse {pulse} on, at {speed} steps/s"), ALARM));
+        }
         let head = Head { title: &self.run.title, subtitle: &self.run.subtitle, legend };
         picture(Size { width: WIDTH, height }, &self.run.title, |root| {
             head.draw(root, WIDTH)?;
