@@ -7,16 +7,22 @@
 //! Two runs make the same bytes.
 
 use std::fs;
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use axis_worker::bench::{Clocks, Frequency, Hold, Positioning, Sampling, Train};
 use axis_worker::clock::TimeScale;
+use axis_worker::motor::Load;
 use axis_worker::tune::{CardShape, Margin};
+use ccu::bench::filter::{Cutoff, Taps};
 use ccu::bench::limits::{sweep, torques};
 use ccu::bench::tune::{Wanted, compare};
+use ccu::bench::{BenchMotor, Program as BenchProgram, Recording};
 use ccu::dry::{DrySet, NoPulses};
 use ccu::executive::{Executive, Knowledge, Movement};
 use ccu::log::{AxisNames, LogHeader, LogReader, Timeline, WallTime};
+use ccu::plot::bench::{self, Filters, Graph, Plotted};
 use ccu::plot::limits::limits;
 use ccu::plot::profile::{LENGTHS, Ramp, Which};
 use ccu::plot::tune::{Shown as TuneShown, tune};
@@ -25,7 +31,7 @@ use ccu::script::{Limits, Program, Watcher};
 use clap::Parser;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use supersigma_config::{Config, MotorConfig, RampConfig, ShortMoves};
-use supersigma_protocol::{AxisNumber, Distance};
+use supersigma_protocol::{AxisNumber, Direction, Distance};
 
 /// Draws the book's pictures
 #[derive(Parser)]
@@ -73,6 +79,7 @@ fn pictures() -> Result<Vec<(&'static str, Picture)>> {
         pictures.push((name, Ramp { axis, ramp }.picture(which, lengths).into_diagnostic()?));
     }
     pictures.extend([("bench_limits.svg", characteristic()?), ("bench_tune.svg", tuned(&config.ramp)?)]);
+    pictures.extend(bench_pictures()?);
     Ok(pictures)
 }
 
@@ -93,6 +100,41 @@ fn tuned(current: &RampConfig) -> Result<Picture> {
     let wanted = Wanted { motor: &motor, current, distance, margin, shapes };
     let ways = compare(&wanted).into_diagnostic()?;
     tune(&TuneShown { wanted: &wanted, name: "the bench motor and a disc", ways: &ways }).into_diagnostic()
+}
+
+/// The runs of [M]: a low frequency without a load, and a whole positioning cycle, of the bench motor; and the filters.
+fn bench_pictures() -> Result<Vec<(&'static str, Picture)>> {
+    let sampling = Sampling::new(40_000).into_diagnostic()?;
+    let hertz = |hertz: u64| Frequency::from_millihertz(hertz * 1_000).into_diagnostic();
+    let low = Train::constant(hertz(20)?, 16).into_diagnostic()?;
+    let cycle = Train::positioning(Positioning {
+        start: hertz(400)?,
+        max: hertz(4_000)?,
+        t_a: Clocks(250_000),
+        hold: Hold::For(Clocks(250_000)),
+        t_c: Clocks(150_000),
+    })
+    .into_diagnostic()?;
+    let taps = [21, 41, 81].map(Taps::new).into_iter().collect::<Result<Vec<_>, _>>().into_diagnostic()?;
+    let cutoffs = [Cutoff::RAMPS, Cutoff::SWINGS, Cutoff::HIGHEST];
+    let (constant, positioning) = (BenchProgram::Constant, BenchProgram::Positioning);
+    Ok(vec![
+        ("bench_position.svg", benched(constant, low.clone(), sampling, Graph::Position)?),
+        ("bench_speed.svg", benched(constant, low, sampling, Graph::Speed)?),
+        ("bench_profile.svg", benched(positioning, cycle, sampling, Graph::Profile)?),
+        ("bench_filters.svg", bench::filters(sampling, &taps, &cutoffs).into_diagnostic()?),
+    ])
+}
+
+/// A picture of what the bench motor does on a pulse train.
+fn benched(program: BenchProgram, train: Train, sampling: Sampling, graph: Graph) -> Result<Picture> {
+    let load = Load::default();
+    let motor = BenchMotor { name: "the bench motor".into(), config: MotorConfig::bench(), load };
+    let run = ccu::bench::Run { motor: &motor, program, train, direction: Direction::Forward, sampling };
+    let mut recording = Recording::default();
+    let mut go_on = |_| ControlFlow::Continue(());
+    let report = run.go(None, Some(&mut recording), &mut go_on).into_diagnostic()?;
+    Plotted::new(&run, &report, &recording).picture(graph, Filters::default()).into_diagnostic()
 }
 
 /// A program's dry run, as its log tells it.

@@ -152,3 +152,34 @@ fn pictures_that_cannot_be_say_why() {
     cell.ccu("plot --profile -o run.svg --which table --steps 5").fails(2, &["--steps is for --which speed"]);
     assert!(!cell.path("run.svg").exists());
 }
+
+#[test]
+fn a_run_on_the_bench_becomes_pictures() {
+    let cell = Cell::new(EXE);
+    let line = "bench positioning --f-start 500 --f-max 2000 --ta 0.05 --tb 0.02 --tc 0.05 --reverse --cutoff 100 \
+                --taps 31 --plot-position position.svg --plot-speed speed.png --plot-profile profile.svg";
+    cell.ccu(line).done();
+    let picture = |name: &str| fs::read_to_string(cell.path(name)).expect("a picture");
+    let (position, profile) = (picture("position.svg"), picture("profile.svg"));
+    assert!(position.contains("Angular position") && position.contains("without a load"), "{position}");
+    for text in
+        ["Ns_a = ", "Ns_b = ", "Ns_c = ", "31 taps at 20 kHz, low pass 100 Hz", "up to 2\u{2009}000 Hz"]
+    {
+        assert!(profile.contains(text), "{text}: {profile}");
+    }
+    assert!(!profile.contains("steps lost"), "{profile}");
+    assert!(fs::read(cell.path("speed.png")).expect("a picture").starts_with(b"\x89PNG"));
+    // The bench motor cannot start with 6 000: the picture is there, and says so.
+    let lost = cell.ccu("bench constant --frequency 6000 --steps 100 --plot-profile lost.svg");
+    assert!(lost.code() == Some(1), "{lost}");
+    assert!(picture("lost.svg").contains("steps lost from pulse"));
+    let constant = "bench constant --frequency 100 --steps 4";
+    cell.ccu(&format!("{constant} --cutoff 20")).fails(2, &["--plot-speed <FILE>|--plot-profile <FILE>"]);
+    cell.ccu(&format!("{constant} --plot-speed x.svg --taps 20"))
+        .fails(2, &["odd number of them, 11 to 301"]);
+    cell.ccu(&format!("{constant} --plot-speed x.svg --cutoff 2000")).fails(2, &["outside 1 to 1000 Hz"]);
+    cell.ccu(&format!("{constant} --plot-speed x.gif")).fails(2, &["x.gif", ".svg or .png"]);
+    cell.ccu("bench constant --frequency 20 --steps 3000 --plot-speed x.svg")
+        .fails(2, &["takes 150.0 s", "100 s at most", "--out has no such limit"]);
+    assert!(!cell.path("x.svg").exists());
+}

@@ -1,6 +1,7 @@
 //! The test bench of \[M\] as `ccu bench` runs it: a motor, what is put on its shaft, a program, and what is recorded of a run.
 //! The apparatus itself is [`axis_worker::bench`]; files and pictures are made from what it tells, and change nothing of it.
 
+pub mod filter;
 pub mod limits;
 mod run;
 mod samples;

@@ -1,15 +1,17 @@
-//! Pictures of what a set did, and of how its ramps are made.
+//! Pictures of what a set did, of how its ramps are made, and of what the test bench recorded.
 //!
 //! ```text
 //!   frames ─┬► trace    what every axis said, as series over time ─► moves, sense, plane ─┐
 //!           └► timing   movements, waits, digital lines, totals  ─► gantt                ─┼► sheet ─► SVG ─► png
-//!   ramp table, movements of one axis                            ─► profile               │
+//!   ramp table, movements of one axis                            ─► profile              ─┤
+//!   a recording of the test bench, and its filters               ─► bench                ─┤
 //!   what the bench found of a motor                              ─► limits, tune         ─┘
 //! ```
 //!
 //! `trace` and `timing` are pure: frames in, values out. The drawing rooms know no file and no bus, and draw the same
 //! bytes from the same values. A PNG is the rendered SVG, with a font that is compiled in, so both look the same.
 
+pub mod bench;
 mod gantt;
 pub mod limits;
 mod moves;

@@ -4,6 +4,7 @@
 mod constant;
 mod limits;
 mod motor;
+mod pictures;
 mod positioning;
 mod running;
 mod tune;
@@ -21,6 +22,7 @@ the rotor is at rest, the steps that the encoder counted are compared with those
 
 Examples:
   ccu bench constant --frequency 20 --steps 16
+  ccu bench constant --frequency 20 --steps 16 --plot-position fig7.svg --plot-speed fig8.png
   ccu bench constant --frequency 2000 --steps 800 --load-torque 0.5 --sampling 60000 --out run.mcap
   ccu bench constant --frequency 650 --steps 400 --config cell.toml --axis wrist --reverse
 
@@ -33,6 +35,7 @@ acceleration and deceleration, each by itself.
 
 Examples:
   ccu bench positioning --f-start 200 --f-max 2000 --ta 0.2 --tb 0.5 --tc 0.1
+  ccu bench positioning --f-start 400 --f-max 4000 --ta 0.25 --tb 0.25 --tc 0.15 --plot-profile fig9.svg
   ccu bench positioning --f-start 200 --f-max 2000 --ta 0.2 --tc 0.1 --steps 1600
   ccu bench positioning --f-start 400 --f-max 8000 --ta 0.3 --tb 1 --tc 0.2 --out run.csv --json
 

@@ -14,6 +14,7 @@ use miette::{Report as Diagnosis, miette};
 use supersigma_protocol::{Direction, Tick};
 
 use super::motor::MotorArgs;
+use super::pictures::PictureArgs;
 use crate::bench::{Program, Report, Run, RunError, SampleError, SampleFile, SampleForm};
 use crate::cli::exit::Exit;
 use crate::cli::{set, show};
@@ -35,6 +36,8 @@ pub(super) struct RunArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
+    pictures: PictureArgs,
+    #[command(flatten)]
     motor: MotorArgs,
 }
 
@@ -44,6 +47,7 @@ impl RunArgs {
         let motor = self.motor.motor()?;
         let direction = if self.reverse { Direction::TowardsOrigin } else { Direction::Forward };
         let run = Run { motor: &motor, program, train, direction, sampling: self.sampling };
+        let mut recording = self.pictures.recording(&run.train)?;
         let file = self
             .out
             .as_ref()
@@ -51,7 +55,7 @@ impl RunArgs {
             .transpose()
             .map_err(|error| file_error(&error))?;
         let (progress, signals) = (progress(run.train.duration().ticks().0), Signals::listen()?);
-        let report = run.go(file, None, &mut |now: Tick| {
+        let report = run.go(file, recording.as_mut(), &mut |now: Tick| {
             progress.set_position(now.0);
             if signals.came() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });
@@ -67,6 +71,9 @@ impl RunArgs {
             print(&report, &mut out)?;
         }
         out.flush()?;
+        if let Some(recording) = &recording {
+            self.pictures.save(&run, &report, recording)?;
+        }
         trouble(&report).map_or(Ok(()), |trouble| Err(Exit::could_not(trouble)))
     }
 }
