@@ -18,7 +18,8 @@ use supersigma_config::{Config, ConfigError};
 use supersigma_protocol::bus::shared_memory::{Place, SharedBus};
 use supersigma_protocol::bus::{Bus, BusError, Receive, Transmit, Wake, Waker};
 use supersigma_protocol::{
-    About, Address, Alarm, Answer, Body, CardKind, Frame, Occasion, Report, Sender, Sequence, Tick, Ticks,
+    About, Address, Alarm, Answer, AxisReport, Body, CardKind, Frame, Occasion, Report, Sender, Sequence,
+    Tick, Ticks,
 };
 
 use crate::axis::AxisError;
@@ -235,14 +236,7 @@ impl<T: Transmit, R: Receive> Worker<T, R> {
                 About::Unasked(Occasion::Heartbeat | Occasion::Sampled) => Wake::Nobody,
                 _ => Wake::Everyone,
             };
-            if let Report::Axis(report) = answer.report
-                && self.alarm != report.alarm
-            {
-                self.alarm = report.alarm;
-                if let Some(alarm) = report.alarm {
-                    tracing::warn!(card = %answer.card, %alarm, tick = answer.acted_at.0, "alarm");
-                }
-            }
+            journal(&mut self.alarm, &answer);
             let frame = Frame {
                 sender: Sender::Card(self.card.address()),
                 sequence: self.sequence,
@@ -253,6 +247,18 @@ impl<T: Transmit, R: Receive> Worker<T, R> {
             self.transmit.send(&frame.encode(), wake)?;
         }
         Ok(())
+    }
+}
+
+/// Tells the journal of an alarm, once, when the card tells of it unasked.
+fn journal(told: &mut Option<Alarm>, answer: &Answer) {
+    let Report::Axis(AxisReport { alarm, .. }) = answer.report else { return };
+    if alarm.is_none() {
+        *told = None;
+    } else if alarm != *told && answer.about == About::Unasked(Occasion::Changed) {
+        *told = alarm;
+        let (card, tick) = (answer.card, answer.acted_at.0);
+        tracing::warn!(%card, alarm = alarm.map(tracing::field::display), tick, "alarm");
     }
 }
 
