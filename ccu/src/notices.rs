@@ -2,8 +2,10 @@
 //! a line of JSON each, along their lifelines.
 //!
 //! Whoever says something never waits: an event goes into a bounded queue, and if there is no room, it is counted and the
-//! number is told when there is. A thread of each listener's own writes; a listener that is gone is forgotten.
+//! number is told when there is. A thread of each listener's own writes; a listener that is gone is forgotten. The last
+//! events are kept, for a listener that takes the place of one that has gone.
 
+use std::collections::VecDeque;
 use std::fmt::{self, Write as _};
 use std::io::{self, Write};
 use std::sync::mpsc::{self, Receiver, SyncSender, TrySendError};
@@ -25,6 +27,9 @@ use crate::log::{Event, Level};
 /// Events that may wait for a listener.
 const QUEUE: usize = 256;
 
+/// Events that are kept for a listener to come.
+const KEPT: usize = 64;
+
 /// An event on its way.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Notice {
@@ -36,7 +41,15 @@ pub struct Notice {
 }
 
 /// The listeners of this process. `tracing` has one subscriber a process, so this too is the process'.
-static LISTENERS: Mutex<Vec<Listener>> = Mutex::new(Vec::new());
+static LISTENERS: Mutex<Listeners> =
+    Mutex::new(Listeners { all: Vec::new(), next: 0, recent: VecDeque::new() });
+
+struct Listeners {
+    all: Vec<Listener>,
+    /// The number of the next one.
+    next: u64,
+    recent: VecDeque<Notice>,
+}
 
 struct Listener {
     number: u64,
@@ -56,22 +69,30 @@ pub fn start_logging() {
     tracing_subscriber::registry().with(fmt).with(Tee.with_filter(heard())).init();
 }
 
-/// Hands all events from now on to `listener`.
+/// Hands all events from now on to `listener`; first the latest of those since `since`, if it comes late.
 ///
 /// # Errors
 /// If the thread that writes cannot be started.
-pub fn stream_to(listener: impl Write + Send + 'static) -> io::Result<Stream> {
+pub fn stream_to(listener: impl Write + Send + 'static, since: Option<Monotonic>) -> io::Result<Stream> {
     let (queue, notices) = mpsc::sync_channel(QUEUE);
     thread::Builder::new().name("notices".into()).spawn(move || write_all(&notices, listener))?;
     let mut listeners = listeners();
-    let number = listeners.last().map_or(0, |last| last.number + 1);
-    listeners.push(Listener { number, queue, dropped: 0 });
+    let number = listeners.next;
+    let mut listener = Listener { number, queue, dropped: 0 };
+    if let Some(since) = since {
+        let missed = listeners.recent.iter().rev().filter(|notice| notice.at_ns >= since.as_nanos());
+        missed.for_each(|notice| {
+            listener.hand(notice);
+        });
+    }
+    listeners.all.push(listener);
+    listeners.next += 1;
     Ok(Stream(number))
 }
 
 impl Drop for Stream {
     fn drop(&mut self) {
-        listeners().retain(|listener| listener.number != self.0);
+        listeners().all.retain(|listener| listener.number != self.0);
     }
 }
 
@@ -93,7 +114,7 @@ fn write_all(notices: &Receiver<Notice>, mut listener: impl Write) {
     }
 }
 
-fn listeners() -> MutexGuard<'static, Vec<Listener>> {
+fn listeners() -> MutexGuard<'static, Listeners> {
     LISTENERS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -145,7 +166,10 @@ impl<S: Subscriber> Layer<S> for Tee {
         let mut text = Text::default();
         event.record(&mut text);
         let notice = Notice { at_ns, event: describe(event.metadata(), &text) };
-        listeners().retain_mut(|listener| listener.hand(&notice));
+        let mut listeners = listeners();
+        listeners.all.retain_mut(|listener| listener.hand(&notice));
+        listeners.recent.truncate(KEPT - 1);
+        listeners.recent.push_front(notice);
     }
 }
 
@@ -213,7 +237,7 @@ mod tests {
     fn events_go_to_listeners_and_nobody_waits() {
         let (lines, heard) = mpsc::channel();
         let (let_go, may) = mpsc::channel();
-        let stream = stream_to(Slow { lines, may }).expect("a thread");
+        let stream = stream_to(Slow { lines, may }, None).expect("a thread");
         let queued = QUEUE + 1;
         let begun = Monotonic::now().as_nanos();
         tracing::subscriber::with_default(subscriber(), || {
@@ -238,6 +262,15 @@ mod tests {
         drop(stream);
         tracing::subscriber::with_default(subscriber(), || tracing::warn!("nobody listens"));
         while let_go.send(()).is_ok() {}
+        // One that comes late is told what has been said since the other was gone.
+        let (lines, late) = mpsc::channel();
+        let (let_go, may) = mpsc::channel();
+        let_go.send(()).expect("it listens");
+        let since = Monotonic::now();
+        tracing::subscriber::with_default(subscriber(), || tracing::warn!("nobody listens yet"));
+        let stream = stream_to(Slow { lines, may }, Some(since)).expect("a thread");
+        assert_eq!(late.recv().expect("said").event.message, "nobody listens yet");
+        drop(stream);
         let rest: Vec<String> = heard.iter().map(|notice| notice.event.message).collect();
         let [.., missing, last] = &rest[..] else { panic!("{rest:?}") };
         assert!(missing.ends_with("events are missing here: more came than could be taken"), "{rest:?}");

@@ -112,6 +112,13 @@ fn a_killed_recorder_comes_back_with_another_file() {
     assert!(cell.ccu(&format!("frames --json {}", up.log.display())).stdout.contains("Originate"));
     let back = |frame: &Value| frame["operation"] == "Move" && frame["steps"] == home;
     assert!(cell.frames(&second).iter().any(back), "the way back");
+    // What the daemon had to say of it while nobody wrote it down is at the beginning of the second.
+    let bytes = fs::read(&second).expect("the log");
+    let mut messages =
+        mcap::MessageStream::new(&bytes).expect("a log").map(|message| message.expect("whole"));
+    let gone =
+        |message: mcap::Message| String::from_utf8_lossy(&message.data).contains("the recorder is gone");
+    assert!(messages.any(|message| message.channel.topic == "/events" && gone(message)));
 }
 
 #[test]

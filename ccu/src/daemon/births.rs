@@ -9,7 +9,7 @@ use std::sync::mpsc::{self, Receiver};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use axis_worker::clock::Clock;
+use axis_worker::clock::{Clock, Monotonic};
 use supersigma_protocol::Address;
 
 use super::StartError;
@@ -96,15 +96,21 @@ impl Births {
         let cannot = |source| StartError::Io { what: "start the Foxglove server", source };
         let mut view = started.map_err(cannot)?;
         let url = view.line(BIRTH).ok_or(StartError::NoView(address))?;
-        view.tell_events().map_err(cannot)?;
+        view.tell_events(None).map_err(cannot)?;
         Ok((view, url))
     }
 
-    /// Starts a recorder that writes `log`, from this part on (the first is 1), and returns when it hears the bus.
+    /// Starts a recorder that writes `log`, from this part on (the first is 1), and returns when it hears the bus. If it takes
+    /// the place of one that was gone at `since`, it writes the events from then on.
     ///
     /// # Errors
     /// If it does not come to life, or its file cannot be begun.
-    pub(super) fn recorder(&self, log: &Path, part: u32) -> Result<Recorder, StartError> {
+    pub(super) fn recorder(
+        &self,
+        log: &Path,
+        part: u32,
+        since: Option<Monotonic>,
+    ) -> Result<Recorder, StartError> {
         let mut arguments = self.listener("recorder");
         let mut option = |name: &str, value: OsString| arguments.extend([name.into(), value]);
         option("--log", log.into());
@@ -122,7 +128,7 @@ impl Births {
         let first = process.line(BIRTH).and_then(|line| serde_json::from_str(&line).ok());
         match first {
             Some(Said::Ready) => {
-                process.tell_events().map_err(cannot)?;
+                process.tell_events(since).map_err(cannot)?;
                 Ok(Recorder { lines: process.take_lines(), ended, process })
             }
             Some(Said::Failed { cause: Cause::Exists, .. }) => Err(StartError::LogExists(log.to_owned())),

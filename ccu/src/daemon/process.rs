@@ -10,6 +10,7 @@ use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
+use axis_worker::clock::Monotonic;
 use rustix::process::{Pid, Signal, kill_process};
 
 use crate::notices;
@@ -85,12 +86,13 @@ impl Process {
         }
     }
 
-    /// From now on, what the daemon has to say goes along the lifeline.
+    /// From now on, what the daemon has to say goes along the lifeline; and the latest of what it has said since `since`.
     ///
     /// # Errors
     /// If the thread that writes cannot be started.
-    pub(super) fn tell_events(&mut self) -> io::Result<()> {
-        self.events = self.lifeline.take().map(notices::stream_to).transpose()?;
+    pub(super) fn tell_events(&mut self, since: Option<Monotonic>) -> io::Result<()> {
+        let stream = |lifeline| notices::stream_to(lifeline, since);
+        self.events = self.lifeline.take().map(stream).transpose()?;
         Ok(())
     }
 

@@ -8,6 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use axis_worker::clock::Monotonic;
 use supersigma_config::OnLoss;
 
 use super::recorder::{Cause, Said};
@@ -48,8 +49,9 @@ pub(super) struct Words {
     pub(super) ended: Receiver<ExitStatus>,
 }
 
-/// Starts a recorder that goes on with this part of the log; its words and its process' number.
-type Again = Box<dyn Fn(u32) -> Option<(Words, u32)> + Send>;
+/// Starts a recorder that goes on with this part of the log, after one that was gone at this time; its words and its process'
+/// number.
+type Again = Box<dyn Fn(u32, Monotonic) -> Option<(Words, u32)> + Send>;
 
 /// What the thread that reads a recorder's words does with them.
 pub(super) struct Ear {
@@ -94,10 +96,11 @@ impl Recording {
                 for line in &words.lines {
                     recording.hear(&line, &ear);
                 }
+                let gone = Monotonic::now();
                 if !recording.has_gone(&words, &ear) {
                     break;
                 }
-                let again = ear.again.as_ref().and_then(|again| again(recording.parts() + 1));
+                let again = ear.again.as_ref().and_then(|again| again(recording.parts() + 1, gone));
                 let Some((next, pid)) = again else { break };
                 recording.goes_on(pid);
                 words = next;

@@ -7,6 +7,8 @@ use std::sync::mpsc::Receiver;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use axis_worker::clock::Monotonic;
+
 use super::StartError;
 use super::births::{Births, Recorder, pause_after};
 use super::process::Process;
@@ -26,7 +28,7 @@ impl Scribe {
     /// # Errors
     /// If it does not come to life, or the log cannot be begun.
     pub(super) fn start(births: &Births, log: &Path) -> Result<Self, StartError> {
-        let Recorder { process, lines, ended } = births.recorder(log, 1)?;
+        let Recorder { process, lines, ended } = births.recorder(log, 1, None)?;
         let recording = Recording::new(log, process.pid());
         let process = Arc::new(Mutex::new(process));
         let ear = Ear {
@@ -41,7 +43,7 @@ impl Scribe {
             },
             again: if births.exchange.knowledge().config.supervision.restart {
                 let (births, log, process) = (births.clone(), log.to_owned(), Arc::clone(&process));
-                Some(Box::new(move |part| again(&births, &log, part, &process)))
+                Some(Box::new(move |part, gone| again(&births, &log, part, gone, &process)))
             } else {
                 None
             },
@@ -68,10 +70,16 @@ impl Scribe {
 
 /// Starts a recorder that goes on with this part of the log, after a pause that grows while it does not come to life;
 /// `None` if nothing shall be started any more.
-fn again(births: &Births, log: &Path, mut part: u32, process: &Mutex<Process>) -> Option<(Words, u32)> {
+fn again(
+    births: &Births,
+    log: &Path,
+    mut part: u32,
+    gone: Monotonic,
+    process: &Mutex<Process>,
+) -> Option<(Words, u32)> {
     let mut failures = 1;
     while !births.leaving.wait(pause_after(failures)) {
-        match births.recorder(log, part) {
+        match births.recorder(log, part, Some(gone)) {
             Ok(recorder) => {
                 let pid = recorder.process.pid();
                 let mut process = lock(process);
