@@ -9,13 +9,11 @@ use supersigma_config::{MotorConfig, RampConfig};
 use supersigma_protocol::{Direction, Distance, SpeedIndex, Tick, Ticks};
 
 use crate::AxisError;
-use crate::motor::{Detent, Rotor};
+use crate::motor::{PATIENCE, Rotor};
 use crate::ramp::{Curve, Phase, Plan, Stop, Table};
 
 /// How long the top speed is held: any swing of the acceleration shows, or has faded.
 const CRUISE: Ticks = Ticks(Tick::PER_SECOND / 4);
-/// Time in which any swing has faded.
-const PATIENCE: Ticks = Ticks(10 * Tick::PER_SECOND);
 
 /// What a motor makes of a ramp.
 #[derive(Debug, Clone, PartialEq)]
@@ -137,30 +135,22 @@ impl Bench<'_> {
     }
 
     fn play(&self, plan: &Plan, direction: Direction) -> Result<Option<Stall>, AxisError> {
-        let mut rotor = Rotor::new(self.motor, Detent(0))?;
-        rotor.settle(PATIENCE);
-        let mut pulse = 0;
-        for run in plan.runs() {
-            for _ in 0..run.pulses {
-                rotor.advance(Ticks(run.period.into()));
-                rotor.pulse(direction);
-                pulse += 1;
-                if rotor.slips() > 0 {
-                    return Ok(Some(self.stall(plan, pulse, run.phase, direction)));
-                }
-            }
-        }
-        rotor.settle(PATIENCE);
-        let last = plan.runs().last().filter(|_| rotor.slips() > 0);
-        Ok(last.map(|run| self.stall(plan, pulse, run.phase, direction)))
+        let mut rotor = Rotor::standing(self.motor)?;
+        let slipped = rotor.follow(plan.periods(), direction).or_else(|| {
+            rotor.settle(PATIENCE);
+            (rotor.slips() > 0).then_some(plan.total().0)
+        });
+        Ok(slipped.and_then(|pulse| self.stall(plan, pulse, direction)))
     }
 
-    fn stall(&self, plan: &Plan, pulse: u32, phase: Phase, direction: Direction) -> Stall {
+    /// What there is to say of a slip at a pulse of the plan.
+    fn stall(&self, plan: &Plan, pulse: u32, direction: Direction) -> Option<Stall> {
+        let phase = plan.runs().get(plan.run_of(pulse))?.phase;
         let period = plan.period(pulse);
         let entries = (0..=SpeedIndex::TOP.get()).filter_map(SpeedIndex::new);
         let entry = entries.take_while(|entry| self.table.period(*entry) >= period).last();
         let demand = self.demand(entry.unwrap_or(SpeedIndex::START), phase, direction);
-        Stall { pulse, at: Ticks(plan.tick_of(pulse)), direction, phase, demand }
+        Some(Stall { pulse, at: Ticks(plan.tick_of(pulse)), direction, phase, demand })
     }
 
     /// ```text

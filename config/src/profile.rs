@@ -117,6 +117,17 @@ pub enum Differences {
     Wide,
 }
 
+impl Differences {
+    /// As it is written.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Byte => "byte",
+            Self::Wide => "wide",
+        }
+    }
+}
+
 /// The word for a profile.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]

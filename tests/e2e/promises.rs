@@ -12,9 +12,12 @@ use supersigma_tests::{Cell, Process, Signal, changed, patient};
 
 const EXE: &str = env!("CARGO_BIN_EXE_ccu");
 
-/// The default limits, which the promises are made for.
-fn promised() -> String {
-    changed(&patient(), "silent_ms = 30000 ", "silent_ms = 450 ")
+/// With the default limits, which the promises are made for.
+fn promised() -> Cell {
+    let cell = Cell::new(EXE);
+    let config = changed(&patient(), "silent_ms = 30000 ", "silent_ms = 450 ");
+    fs::write(cell.config(), config).expect("a configuration");
+    cell
 }
 
 /// One promise at a time: they are about time, and the machine has few cores.
@@ -58,8 +61,7 @@ fn epoch(log: &Path) -> Duration {
 
 /// From a blow at one process to the brake command that follows it.
 fn until_the_brake(signal: Signal, victim: fn(&Cell) -> Process) -> Duration {
-    let cell = Cell::new(EXE);
-    fs::write(cell.config(), promised()).expect("a configuration");
+    let cell = promised();
     let up = cell.up("1");
     cell.ccu("origin wrist").done();
     let hit = victim(&cell);
@@ -85,8 +87,7 @@ fn a_death_is_noticed_within_200_ms() {
 #[test]
 fn the_recorders_death_is_noticed_within_200_ms() {
     keeps(Duration::from_millis(200), || {
-        let cell = Cell::new(EXE);
-        fs::write(cell.config(), promised()).expect("a configuration");
+        let cell = promised();
         let _up = cell.up("1");
         let recorder = cell.recorder();
         let blow = Instant::now();

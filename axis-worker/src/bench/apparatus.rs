@@ -11,12 +11,10 @@ use super::counters::{Counters, Reading};
 use super::sampling::Sampling;
 use super::timing::{Periods, Train};
 use super::units::{Period, TICKS_PER_CLOCK};
-use crate::motor::{Counts, Detent, Encoder, Rotor, SenseDiscriminator};
+use crate::motor::{Counts, Encoder, PATIENCE, Rotor, SenseDiscriminator};
 
 /// The time between two looks at most: 20 µs.
 const LOOK: Ticks = Ticks(40);
-/// How long the rotor may take to come to rest after the last pulse: 10 s.
-const PATIENCE: Ticks = Ticks(10 * Tick::PER_SECOND);
 
 /// A pulse of channel 2.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -107,9 +105,7 @@ impl Bench {
     /// # Errors
     /// If such a motor cannot be.
     pub fn new(motor: &MotorConfig) -> Result<Self, MotorError> {
-        let mut rotor = Rotor::new(motor, Detent(0))?;
-        // A load may pull it out of the middle of its detent before anything begins.
-        rotor.settle(PATIENCE);
+        let rotor = Rotor::standing(motor)?;
         let encoder = Encoder::new(motor, rotor.motion().half_steps);
         Ok(Self {
             discriminator: SenseDiscriminator::new(encoder.levels()),

@@ -130,7 +130,7 @@ impl Train {
     /// If there is no pulse.
     pub fn constant(frequency: Frequency, steps: u32) -> Result<Self, TimingError> {
         let hold = Part::Hold { frequency, steps };
-        Self::of([Part::NONE, hold, Part::NONE])
+        Self::of([Part::NONE, hold, Part::NONE].map(Part::measured))
     }
 
     /// POSITIONING.
@@ -148,8 +148,8 @@ impl Train {
                 return Err(TimingError::TooLong { part, asked });
             }
         }
-        let up = Part::Ramp { from: start, to: max, over: t_a };
-        let down = Part::Ramp { from: max, to: start, over: t_c };
+        let up = Part::Ramp { from: start, to: max, over: t_a }.measured();
+        let down = Part::Ramp { from: max, to: start, over: t_c }.measured();
         let steps = match hold {
             // To the nearest whole one; at most 100 s of 500 000 pulses/s.
             Hold::For(span) => {
@@ -157,21 +157,21 @@ impl Train {
                 u32::try_from((exact + NUMERATOR / 2) / NUMERATOR).unwrap_or(u32::MAX)
             }
             Hold::ForTotal(asked) => {
-                let (a, c) = (up.extent().0, down.extent().0);
+                let (a, c) = (up.steps, down.steps);
                 asked.checked_sub(a + c).ok_or(TimingError::TooFewSteps { asked, a, c })?
             }
         };
-        Self::of([up, Part::Hold { frequency: max, steps }, down])
+        Self::of([up, Part::Hold { frequency: max, steps }.measured(), down])
     }
 
-    fn of(parts: [Part; 3]) -> Result<Self, TimingError> {
-        let [(a, up), (b, hold), (c, down)] = parts.map(|part| part.extent());
+    fn of(parts: [Measured; 3]) -> Result<Self, TimingError> {
+        let [a, b, c] = parts.map(|part| part.steps);
         let steps = PartSteps { a, b, c };
         if steps.total() == 0 {
             return Err(TimingError::NoSteps);
         }
-        let duration = Clocks(Time(up.0 + hold.0 + down.0).rounded());
-        Ok(Self { parts, steps, duration })
+        let duration = Clocks(Time(parts.iter().map(|part| part.span.0).sum()).rounded());
+        Ok(Self { parts: parts.map(|measured| measured.part), steps, duration })
     }
 
     /// How many pulses each part has.
@@ -256,6 +256,14 @@ enum Part {
     Hold { frequency: Frequency, steps: u32 },
 }
 
+/// A part and its extent.
+#[derive(Debug, Clone, Copy)]
+struct Measured {
+    part: Part,
+    steps: u32,
+    span: Time,
+}
+
 impl Part {
     const NONE: Self = Self::Hold { frequency: Frequency::HIGHEST, steps: 0 };
 
@@ -275,13 +283,13 @@ impl Part {
         }
     }
 
-    /// How many pulses it has, and how long they take.
-    fn extent(&self) -> (u32, Time) {
+    /// The same with how many pulses it has, and how long they take.
+    fn measured(self) -> Measured {
         let (mut given, mut within) = (0, Time(0));
-        if let Self::Hold { steps, .. } = *self {
+        if let Self::Hold { steps, .. } = self {
             // All are alike; there may be many.
             let period = self.period(given, within).map_or(0, |(period, _)| period.0);
-            return (steps, Time(period * u128::from(steps)));
+            return Measured { part: self, steps, span: Time(period * u128::from(steps)) };
         }
         while let Some((period, is_last)) = self.period(given, within) {
             given += 1;
@@ -290,7 +298,7 @@ impl Part {
                 break;
             }
         }
-        (given, within)
+        Measured { part: self, steps: given, span: within }
     }
 }
 

@@ -6,7 +6,7 @@ use std::ops::RangeInclusive;
 use supersigma_config::{MotorConfig, MotorError};
 use supersigma_protocol::{Direction, Tick, Ticks};
 
-use super::rotor::{Detent, Rotor};
+use super::rotor::Rotor;
 
 /// Half steps/s: the search begins with the first, and does not go beyond the second.
 const SLOWEST: f64 = 50.0;
@@ -22,8 +22,6 @@ const PRECISION: f64 = 0.005;
 const GENTLE: f64 = 0.01;
 /// And by which part of itself it may change the speed from pulse to pulse.
 const GENTLE_RISE: f64 = 0.01;
-/// Time in which any swing has faded, in ticks: 10 s.
-const PATIENCE: Ticks = Ticks(20_000_000);
 
 #[expect(clippy::cast_precision_loss, reason = "2 000 000 is exact")]
 const TICKS_PER_SECOND: f64 = Tick::PER_SECOND as f64;
@@ -133,11 +131,8 @@ pub fn characteristic(
 
 /// At rest with its load; `None` if that is more than the motor can hold.
 fn loaded(config: &MotorConfig, load: Load) -> Result<Option<Rotor>, MotorError> {
-    match Rotor::new(&load.on(config), Detent(0)) {
-        Ok(mut rotor) => {
-            rotor.settle(PATIENCE);
-            Ok(Some(rotor))
-        }
+    match Rotor::standing(&load.on(config)) {
+        Ok(rotor) => Ok(Some(rotor)),
         Err(MotorError::Overloaded { .. }) => Ok(None),
         Err(error) => Err(error),
     }
@@ -183,7 +178,7 @@ fn starts(rotor: &Rotor, frequency: f64) -> bool {
         train.pulse(&mut rotor, 1.0 / frequency);
         left -= 1.0;
     }
-    stops(rotor)
+    rotor.arrives()
 }
 
 /// Whether every train does.
@@ -192,14 +187,9 @@ fn starts_and_stops(rotor: &Rotor, frequency: f64) -> bool {
     let mut train = Train::default();
     let mut stops_after_every = || {
         train.pulse(&mut running, 1.0 / frequency);
-        stops(running.clone())
+        running.clone().arrives()
     };
     (0..EVERY_TRAIN_TO).all(|_| stops_after_every()) && starts(rotor, frequency)
-}
-
-/// Whether the rotor comes to rest where the pulses led it.
-fn stops(mut rotor: Rotor) -> bool {
-    rotor.catch(PATIENCE) && rotor.slips() == 0 && rotor.detent() == rotor.field()
 }
 
 /// Pulses at the whole ticks that are nearest to their times.

@@ -61,4 +61,5 @@ mod tests;
 
 pub use encoder::{Counts, Encoder, Levels, Passed, Sense, SenseDiscriminator};
 pub use limits::{Characteristic, Load, characteristic, pull_in, pull_out, start_stop};
+pub(crate) use rotor::PATIENCE;
 pub use rotor::{Detent, Motion, Rotor};

@@ -26,6 +26,8 @@ const REST: f64 = 1e-4;
 /// part of the spring's largest energy.
 const ARRIVED: f64 = 1e-3;
 const DOUBT: f64 = 0.05;
+/// Time in which any swing has faded: 10 s.
+pub(crate) const PATIENCE: Ticks = Ticks(10 * Tick::PER_SECOND);
 const CYCLE: i64 = HALF_STEPS_PER_CYCLE as i64;
 
 #[expect(clippy::cast_precision_loss, reason = "2 000 000 is exact")]
@@ -112,6 +114,16 @@ impl Rotor {
             behind: 0,
             slips: 0,
         })
+    }
+
+    /// A rotor at rest with its load, which may hold it off the middle of detent 0.
+    ///
+    /// # Errors
+    /// If such a motor cannot be.
+    pub fn standing(config: &MotorConfig) -> Result<Self, MotorError> {
+        let mut rotor = Self::new(config, Detent(0))?;
+        rotor.settle(PATIENCE);
+        Ok(rotor)
     }
 
     /// Between two stops that the rotor cannot pass; it hits them without bouncing.
@@ -212,6 +224,27 @@ impl Rotor {
             left -= span;
         }
         self.is_captured()
+    }
+
+    /// Gives pulses, one at the end of each period in ticks, until one of them finds that the rotor has slipped: its number,
+    /// from 1.
+    pub fn follow(&mut self, periods: impl IntoIterator<Item = u32>, direction: Direction) -> Option<u32> {
+        (1..).zip(periods).find_map(|(pulse, period)| {
+            self.advance(Ticks(period.into()));
+            self.pulse(direction);
+            (self.slips > 0).then_some(pulse)
+        })
+    }
+
+    /// Whether it comes to rest, without a further pulse, where the pulses have led it; says so as soon as that is certain.
+    pub fn arrives(&mut self) -> bool {
+        self.catch(PATIENCE) && self.is_in_place()
+    }
+
+    /// Whether it is in the detent to which the pulses have led, and was never out of step on the way.
+    #[must_use]
+    pub fn is_in_place(&self) -> bool {
+        self.slips == 0 && self.detent() == self.field()
     }
 
     /// Lets time pass until the rotor is at rest, but `limit` at most; says whether it is.

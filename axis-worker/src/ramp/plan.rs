@@ -201,6 +201,11 @@ impl Plan {
         self.runs.get(self.run_of(pulse)).map_or(0, |run| run.period)
     }
 
+    /// The periods of all pulses, in ticks.
+    pub fn periods(&self) -> impl Iterator<Item = u32> {
+        self.runs.iter().flat_map(|run| (0..run.pulses).map(|_| run.period))
+    }
+
     /// How many pulses come at or before `tick`.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "bounded by the run's pulses")]

@@ -39,7 +39,7 @@ mod stand;
 #[cfg(test)]
 mod tests;
 
-use supersigma_config::MotorError;
+use supersigma_config::{MotorConfig, MotorError};
 use thiserror::Error;
 
 pub use card::{CardProposal, CardShape, card};
@@ -63,6 +63,12 @@ impl Margin {
     #[must_use]
     pub fn new(part: f64) -> Option<Self> {
         (0.0..1.0).contains(&part).then_some(Self(part))
+    }
+
+    /// The motor that has this part of its holding torque no more.
+    #[must_use]
+    pub fn weakened(self, motor: &MotorConfig) -> MotorConfig {
+        stand::weakened(motor, self.0)
     }
 
     /// As a part of 1.

@@ -49,9 +49,7 @@ impl Pulses {
 
 impl From<&Plan> for Pulses {
     fn from(plan: &Plan) -> Self {
-        Self(
-            plan.runs().iter().flat_map(|run| std::iter::repeat_n(run.period, run.pulses as usize)).collect(),
-        )
+        Self(plan.periods().collect())
     }
 }
 

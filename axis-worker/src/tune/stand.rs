@@ -7,10 +7,8 @@ use supersigma_protocol::{Direction, Ticks};
 
 use super::pulses::{Pulses, speed};
 use super::{Margin, TuneError};
-use crate::motor::{Detent, Load, Rotor, pull_out, start_stop};
+use crate::motor::{Load, PATIENCE, Rotor, pull_out, start_stop};
 
-/// Time in which any swing has faded: 10 s.
-const PATIENCE: Ticks = Ticks(20_000_000);
 /// How often the settling is looked at: every 50 µs.
 const LOOK: Ticks = Ticks(100);
 /// Half steps from its place at which a rotor counts as settled.
@@ -20,7 +18,7 @@ const FINE: f64 = 0.005;
 /// Half steps/s; no 8253 of this house is meant to go beyond.
 const FASTEST: f64 = 100_000.0;
 
-/// What became of a pulses.
+/// What became of a movement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Outcome {
     /// Every pulse is a step, and the rotor is at rest in the right place. It has stayed within half of a half step of it
@@ -67,7 +65,7 @@ pub struct Assessment {
 /// # Errors
 /// If such a motor cannot be.
 pub fn play(motor: &MotorConfig, pulses: &Pulses) -> Result<Outcome, MotorError> {
-    Ok(run(standing(motor)?, pulses))
+    Ok(run(Rotor::standing(motor)?, pulses))
 }
 
 /// How far the rotor is behind the field, in half steps, just before each pulse and, from the last one on, every 50 µs until
@@ -77,7 +75,7 @@ pub fn play(motor: &MotorConfig, pulses: &Pulses) -> Result<Outcome, MotorError>
 /// # Errors
 /// If such a motor cannot be.
 pub fn lags(motor: &MotorConfig, pulses: &Pulses) -> Result<Vec<(Ticks, f64)>, MotorError> {
-    let mut rotor = standing(motor)?;
+    let mut rotor = Rotor::standing(motor)?;
     let mut now = Ticks(0);
     let mut lags = Vec::with_capacity(pulses.len());
     let mut look = |rotor: &mut Rotor, span: Ticks| {
@@ -98,7 +96,7 @@ pub fn lags(motor: &MotorConfig, pulses: &Pulses) -> Result<Vec<(Ticks, f64)>, M
     Ok(lags)
 }
 
-/// All that there is to say about a pulses.
+/// All that there is to say about a movement.
 ///
 /// # Errors
 /// If the motor cannot be, or not with that margin.
@@ -116,7 +114,7 @@ pub fn assess(motor: &MotorConfig, margin: Margin, pulses: &Pulses) -> Result<As
     })
 }
 
-/// The largest margin of a pulses, which is known to hold with `known`.
+/// The largest margin of a movement, which is known to hold with `known`.
 fn margin_of(
     motor: &MotorConfig,
     pulses: &Pulses,
@@ -169,17 +167,16 @@ impl Stand {
     /// The motor without `part` of its torque, its load torque both ways.
     fn at(motor: &MotorConfig, part: f64) -> Result<Self, TuneError> {
         motor.check()?;
-        let weakened = motor.holding_torque * (1.0 - part);
+        let weak = weakened(motor, part);
         let load = motor.friction + motor.load_torque.abs();
-        if load >= weakened {
+        if load >= weak.holding_torque {
             // A part that is not a margin has left nothing at all.
             let margin = Margin::new(part).unwrap_or(Margin::NONE);
-            return Err(TuneError::NoMargin { load, weakened, margin });
+            return Err(TuneError::NoMargin { load, weakened: weak.holding_torque, margin });
         }
-        let weak = MotorConfig { holding_torque: weakened, ..motor.clone() };
         let turned = MotorConfig { load_torque: -weak.load_torque, ..weak.clone() };
         let both = if weak.load_torque == 0.0 { vec![weak] } else { vec![weak, turned] };
-        let rung = |config: MotorConfig| Ok(Rung { rotor: standing(&config)?, config });
+        let rung = |config: MotorConfig| Ok(Rung { rotor: Rotor::standing(&config)?, config });
         Ok(Self {
             rungs: both.into_iter().map(rung).collect::<Result<_, MotorError>>()?,
             trials: AtomicU32::new(0),
@@ -225,29 +222,17 @@ impl Stand {
     }
 }
 
-fn standing(motor: &MotorConfig) -> Result<Rotor, MotorError> {
-    let mut rotor = Rotor::new(motor, Detent(0))?;
-    rotor.settle(PATIENCE);
-    Ok(rotor)
+/// The motor without `part` of its torque.
+pub(super) fn weakened(motor: &MotorConfig, part: f64) -> MotorConfig {
+    MotorConfig { holding_torque: motor.holding_torque * (1.0 - part), ..motor.clone() }
 }
 
 /// Whether the rotor follows; it is not played to the end if it does not.
 fn follows(mut rotor: Rotor, pulses: &Pulses) -> bool {
-    for period in pulses.periods() {
-        rotor.advance(Ticks(u64::from(*period)));
-        rotor.pulse(Direction::Forward);
-        if rotor.slips() > 0 {
-            return false;
-        }
-    }
-    rotor.catch(PATIENCE) && is_in_place(&rotor)
+    rotor.follow(pulses.periods().iter().copied(), Direction::Forward).is_none() && rotor.arrives()
 }
 
-fn is_in_place(rotor: &Rotor) -> bool {
-    rotor.slips() == 0 && rotor.detent() == rotor.field()
-}
-
-/// The whole pulses, and until the rotor is at rest.
+/// All pulses, and until the rotor is at rest.
 fn run(mut rotor: Rotor, pulses: &Pulses) -> Outcome {
     let (mut now, mut slip) = (0, None);
     for (pulse, period) in (1..).zip(pulses.periods()) {
@@ -269,7 +254,7 @@ fn run(mut rotor: Rotor, pulses: &Pulses) -> Outcome {
             settled = waited;
         }
     }
-    if rotor.is_at_rest() && is_in_place(&rotor) {
+    if rotor.is_at_rest() && rotor.is_in_place() {
         return Outcome::Follows { settled };
     }
     let last = pulses.periods().last().map_or(0.0, |period| speed(*period));

@@ -45,10 +45,11 @@ pub fn sweep(
     let next = AtomicUsize::new(0);
     let work = || {
         let mut found = Vec::new();
-        while let Some((at, &(inertia, torque))) = {
+        let take = || {
             let at = next.fetch_add(1, Ordering::Relaxed);
-            loads.get(at).map(|load| (at, load))
-        } {
+            loads.get(at).map(|load| (at, *load))
+        };
+        while let Some((at, (inertia, torque))) = take() {
             found.push((at, characteristic(motor, inertia, [torque], top)));
             done();
         }

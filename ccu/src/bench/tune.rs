@@ -1,11 +1,10 @@
 //! A movement by the ramp that an axis has and by those that are proposed for it, side by side.
 
-use axis_worker::bench::Positioning;
 use axis_worker::ramp::{Plan, Table};
 use axis_worker::tune::{
     Assessment, CardShape, LinearProposal, Margin, Pulses, TuneError, assess, card, linear,
 };
-use supersigma_config::{CountTable, Differences, Linear, MotorConfig, Profile, RampConfig, Sin2};
+use supersigma_config::{CountTable, Linear, MotorConfig, Profile, RampConfig, Sin2};
 use supersigma_protocol::{Distance, SpeedIndex};
 
 /// What is to be found.
@@ -59,15 +58,6 @@ impl Maker {
         }
     }
 
-    /// The profile of the bench.
-    #[must_use]
-    pub fn positioning(&self) -> Option<Positioning> {
-        match self {
-            Self::Bench(proposal) => Some(proposal.profile),
-            Self::Current(_) | Self::Card(..) => None,
-        }
-    }
-
     /// The new ramp of the card.
     #[must_use]
     pub const fn ramp(&self) -> Option<&RampConfig> {
@@ -117,38 +107,32 @@ pub fn toml(ramp: &RampConfig, axis: Option<&str>) -> String {
         Some(axis) => format!("[axis.ramp]   # below the [[axis]] of {axis}\n"),
     };
     let mut key = |name: &str, value: String| text.extend([name, " = ", &value, "\n"]);
+    key("profile", format!("\"{}\"", ramp.profile.name().word()));
     match &ramp.profile {
         Profile::Sin2(Sin2 { amplitude, omega, phase, interval_ticks }) => {
-            key("profile", "\"sin2\"".into());
             key("amplitude", format!("{amplitude:?}"));
             key("omega", format!("{omega:?}"));
             key("phase", format!("{phase:?}"));
             key("interval_ticks", interval_ticks.to_string());
         }
         Profile::Linear(Linear { f_start, f_max, t_a }) => {
-            key("profile", "\"linear\"".into());
             key("f_start", format!("{f_start:?}"));
             key("f_max", format!("{f_max:?}"));
             key("t_a", format!("{t_a:?}"));
         }
         Profile::Table(CountTable { counts, interval_ticks }) => {
-            key("profile", "\"table\"".into());
             key("counts", format!("{counts:?}"));
             key("interval_ticks", interval_ticks.to_string());
         }
     }
-    let differences = match ramp.differences {
-        Differences::Byte => "byte",
-        Differences::Wide => "wide",
-    };
     key("brake_interval_ticks", ramp.brake_interval_ticks.to_string());
-    key("differences", format!("\"{differences}\""));
+    key("differences", format!("\"{}\"", ramp.differences.word()));
     text
 }
 
 #[cfg(test)]
 mod tests {
-    use supersigma_config::Config;
+    use supersigma_config::{Config, Differences};
 
     use super::*;
 

@@ -3,11 +3,11 @@
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use axis_worker::stall::strain;
+use axis_worker::stall::{Strain, strain};
 use clap::{Args, Subcommand};
 use miette::miette;
 use serde::Serialize;
-use supersigma_config::{Config, DEFAULT_TOML, Origin, Source};
+use supersigma_config::{AxisConfig, Config, DEFAULT_TOML, Origin, RampConfig, Source};
 use supersigma_protocol::AxisNumber;
 
 use super::exit::Exit;
@@ -92,6 +92,26 @@ pub(super) fn config(command: &ConfigCommand) -> Result<(), Exit> {
     Ok(out.flush()?)
 }
 
+/// The axis of this number or name.
+///
+/// # Errors
+/// If there is none.
+pub(super) fn axis<'a>(config: &'a Config, wanted: &str) -> Result<&'a AxisConfig, Exit> {
+    config.find_axis(wanted).ok_or_else(|| {
+        let names: Vec<_> = config.axes.iter().map(|axis| axis.name.as_str()).collect();
+        Exit::wrong(miette!("there is no axis {wanted:?}; there are {}", names.join(", ")))
+    })
+}
+
+/// What an axis' motor makes of a ramp, if it has one that can lose steps.
+///
+/// # Errors
+/// If the ramp gives no table, or the motor cannot be.
+pub(super) fn strained(axis: &AxisConfig, ramp: &RampConfig) -> Result<Option<Strain>, Exit> {
+    let strain = axis.motor.as_ref().map(|motor| strain(motor, ramp)).transpose();
+    strain.map_err(|error| Exit::wrong(miette!("{error}")))
+}
+
 /// Something that is allowed and does not work.
 #[derive(Serialize)]
 struct Warning<'a> {
@@ -104,9 +124,8 @@ struct Warning<'a> {
 fn stalls(config: &Config) -> Result<Vec<Warning<'_>>, Exit> {
     let mut warnings = Vec::new();
     for axis in &config.axes {
-        let Some(motor) = &axis.motor else { continue };
-        let strain = strain(motor, config.ramp_of(axis)).map_err(|error| Exit::wrong(miette!("{error}")))?;
-        if let Some(stall) = strain.stall {
+        let strain = strained(axis, config.ramp_of(axis))?;
+        if let Some(stall) = strain.and_then(|strain| strain.stall) {
             warnings.push(Warning { axis: axis.address, name: &axis.name, message: stall.to_string() });
         }
     }

@@ -4,7 +4,7 @@ use std::io::{self, BufWriter, Write};
 use std::path::PathBuf;
 
 use axis_worker::ramp::Table;
-use axis_worker::stall::{Demand, Strain, strain};
+use axis_worker::stall::{Demand, Strain};
 use clap::{Args, ValueEnum};
 use miette::miette;
 use supersigma_config::{AxisConfig, RampConfig, ShortMoves};
@@ -61,10 +61,7 @@ impl From<Way> for ShortMoves {
 
 pub(super) fn profile(args: &ProfileArgs) -> Result<(), Exit> {
     let config = config::load(args.config.as_deref())?;
-    let Some(axis) = config.find_axis(&args.axis) else {
-        let names: Vec<_> = config.axes.iter().map(|axis| axis.name.as_str()).collect();
-        return Err(Exit::wrong(miette!("there is no axis {:?}; there are {}", args.axis, names.join(", "))));
-    };
+    let axis = config::axis(&config, &args.axis)?;
     let mut ramp = config.ramp_of(axis).clone();
     if let Some(way) = args.method {
         ramp.short_moves = way.into();
@@ -96,12 +93,6 @@ fn index(table: &Table, speed: f64) -> Result<SpeedIndex, Exit> {
     })
 }
 
-/// What the axis' motor makes of the ramp, if it has one that can lose steps.
-fn strained(axis: &AxisConfig, ramp: &RampConfig) -> Result<Option<Strain>, Exit> {
-    let strain = axis.motor.as_ref().map(|motor| strain(motor, ramp)).transpose();
-    strain.map_err(|error| Exit::wrong(miette!("{error}")))
-}
-
 fn print_table(
     axis: &AxisConfig,
     ramp: &RampConfig,
@@ -109,7 +100,7 @@ fn print_table(
     json: bool,
     out: &mut dyn Write,
 ) -> Result<(), Exit> {
-    let strain = strained(axis, ramp)?;
+    let strain = config::strained(axis, ramp)?;
     let entries = (0..=SpeedIndex::TOP.get()).filter_map(SpeedIndex::new);
     let difference = |index: SpeedIndex| table.differences().get(usize::from(index.get())).copied();
     if json {

@@ -55,10 +55,7 @@ type Curve = Vec<(f64, f64)>;
 /// If the motor cannot be, or the drawing library refuses.
 pub fn tune(shown: &Shown<'_>) -> Result<Picture, TunePlotError> {
     let Shown { wanted, name, ways } = *shown;
-    let weak = MotorConfig {
-        holding_torque: wanted.motor.holding_torque * (1.0 - wanted.margin.part()),
-        ..wanted.motor.clone()
-    };
+    let weak = wanted.margin.weakened(wanted.motor);
     let lagging = |motor: &MotorConfig| -> Result<Vec<Curve>, MotorError> {
         ways.iter().map(|way| Ok(until_lost(lags(motor, &way.pulses)?))).collect()
     };

@@ -55,7 +55,7 @@ pub(super) fn limits(args: &LimitsArgs) -> Result<(), Exit> {
         }
     }
     let stand = args.motor.motor()?;
-    let motor = stand.loaded().map_err(|error| Exit::could_not(miette!("{}: {error}", stand.name)))?;
+    let motor = stand.load.on(&stand.config);
     let mut wanted =
         if args.torques.is_empty() { torques(&motor, args.points) } else { args.torques.clone() };
     wanted.sort_by(f64::total_cmp);

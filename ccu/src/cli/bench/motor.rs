@@ -87,10 +87,7 @@ impl MotorArgs {
 
     fn motor_of(&self, wanted: &str) -> Result<(String, MotorConfig), Exit> {
         let set = config::load(self.config.as_deref())?;
-        let Some(axis) = set.find_axis(wanted) else {
-            let names: Vec<_> = set.axes.iter().map(|axis| axis.name.as_str()).collect();
-            return Err(Exit::wrong(miette!("there is no axis {wanted:?}; there are {}", names.join(", "))));
-        };
+        let axis = config::axis(&set, wanted)?;
         let Some(motor) = axis.motor.clone() else {
             return Err(Exit::wrong(miette!(
                 help =

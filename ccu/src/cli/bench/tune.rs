@@ -12,7 +12,7 @@ use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, WrapErr, miette};
 use serde_json::{Value, json};
-use supersigma_config::{Differences, MotorError, RampConfig};
+use supersigma_config::{MotorError, RampConfig};
 use supersigma_protocol::Distance;
 
 use super::motor::MotorArgs;
@@ -78,7 +78,7 @@ pub(super) fn tune(args: &TuneArgs) -> Result<(), Exit> {
         Format::of(plot).map_err(|error| plot::exit(&error))?;
     }
     let stand = args.motor.motor()?;
-    let motor = stand.loaded().map_err(|error| Exit::could_not(miette!("{}: {error}", stand.name)))?;
+    let motor = stand.load.on(&stand.config);
     let current = args.motor.ramp()?;
     let distance = Distance::new(args.steps).ok_or_else(|| Exit::wrong(miette!("a movement has steps")))?;
     let shapes = args.profile.shapes();
@@ -142,15 +142,12 @@ fn write_ramp(path: &Path, form: Written, ramp: &RampConfig, axis: Option<&str>)
 
 /// The key of a configuration with which a ramp is taken from a file of its numbers.
 fn table_key(path: &Path, ramp: &RampConfig) -> String {
-    let differences = match ramp.differences {
-        Differences::Byte => "byte",
-        Differences::Wide => "wide",
-    };
     format!(
-        "ramp = {{ profile = \"table\", file = {:?}, interval_ticks = {}, brake_interval_ticks = {}, differences = \"{differences}\" }}",
+        "ramp = {{ profile = \"table\", file = {:?}, interval_ticks = {}, brake_interval_ticks = {}, differences = \"{}\" }}",
         path.display().to_string(),
         ramp.interval_ticks(),
-        ramp.brake_interval_ticks
+        ramp.brake_interval_ticks,
+        ramp.differences.word()
     )
 }
 
