@@ -12,6 +12,14 @@ build:
 test:
     cargo test --workspace
 
+# Rounds by chance for minutes: random programs, and processes that are killed or stand still at random moments
+long:
+    cargo test -p supersigma-ccu --test rounds -- --ignored
+
+# Half an hour of random programs on one set, watched; writes the book's page about it
+soak:
+    cargo run --release -p supersigma-tests --bin soak -- --minutes 30 --time-scale 20 --seed 1 --report docs/src/architecture/soak.md
+
 # Check the format and the lints; a warning is an error
 lint:
     cargo fmt --check && cargo clippy --workspace --all-targets -- -D warnings
