@@ -32,6 +32,10 @@ ci:
 demo:
     cargo run --release -- run examples/assembly.rhai
 
+# Measure what is promised of speed, and record it in docs/performance.md and docs/performance.csv
+bench:
+    cargo bench -p supersigma-ccu --bench performance -- --record docs
+
 # Build the book from docs/ into docs/book; needs mdBook (`cargo install mdbook`)
 docs:
     mdbook build docs

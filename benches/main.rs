@@ -16,6 +16,8 @@ use clap::{Parser, ValueEnum};
 
 mod figure;
 mod machine;
+mod recorder;
+mod startup;
 
 use figure::{Figure, Report};
 
@@ -38,12 +40,18 @@ struct Args {
 enum Room {
     /// The axis machine, alone
     Machine,
+    /// The log, alone
+    Recorder,
+    /// A whole set that starts, and then idles
+    Startup,
 }
 
 impl Room {
     fn measure(self) -> Result<Vec<Figure>, Box<dyn Error>> {
         match self {
             Self::Machine => Ok(machine::measure()),
+            Self::Recorder => recorder::measure(),
+            Self::Startup => startup::measure(),
         }
     }
 }

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender as Subscriber};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use axis_worker::clock::Clock;
 use supersigma_protocol::bus::{BusError, Lane, Receive, Transmit, Wake, Waker};
@@ -19,7 +19,7 @@ use tokio::sync::broadcast;
 use super::feed::{Feed, Overheard};
 use crate::executive::{Common, Failure, Heard, Knowledge, Link, LogTrouble};
 
-/// How often the thread looks for what nobody woke it for: heartbeats.
+/// How often the thread looks for what nobody woke it for, while somebody wants to see it: the way of axes that move.
 const LOOK: Duration = Duration::from_millis(50);
 
 /// What is known of one card's process.
@@ -29,8 +29,8 @@ pub(super) struct CardLife {
     pub(super) alive: bool,
     /// What it said last.
     pub(super) report: Report,
-    /// When it was last heard.
-    heard: Instant,
+    /// When it last spoke, by its own account.
+    spoke: Tick,
     /// The number that its next frame must have.
     expected: Sequence,
 }
@@ -237,7 +237,8 @@ impl Exchange {
 
     fn listen(&self, mut receive: impl Receive) {
         while !self.over.load(Ordering::Acquire) {
-            if let Err(error) = receive.wait(LOOK).and_then(|()| self.drain(&mut receive)) {
+            let patience = self.patience();
+            if let Err(error) = receive.wait(patience).and_then(|()| self.drain(&mut receive)) {
                 tracing::error!(%error, "the CCU does not hear any more");
                 self.going_down();
                 return;
@@ -254,8 +255,10 @@ impl Exchange {
         while let Some(bytes) = receive.receive()? {
             self.feed.tell(Lane::Answers, &bytes);
             match Frame::decode(&bytes) {
-                Ok(Frame { sender: Sender::Card(card), sequence, body: Body::Answer(answer), .. }) => {
-                    self.take(card, sequence, answer);
+                Ok(Frame { sender: Sender::Card(card), sequence, tick, body: Body::Answer(answer) }) => {
+                    // No clock is ahead of this one: they are one.
+                    let spoke = tick.min(self.clock.now());
+                    self.take(card, sequence, spoke, answer);
                 }
                 Ok(frame) => tracing::warn!(sender = %frame.sender, "a command on the answers' service"),
                 Err(error) => tracing::warn!(%error, "what the bus brought is not a frame"),
@@ -264,14 +267,13 @@ impl Exchange {
         Ok(())
     }
 
-    fn take(&self, sender: Address, sequence: Sequence, answer: Answer) {
+    fn take(&self, sender: Address, sequence: Sequence, spoke: Tick, answer: Answer) {
         let lost = {
             let mut state = self.state();
             state.counts.answers += 1;
             let alive = answer.about != About::Unasked(Occasion::Leaving) && !state.ended.contains(&sender);
             let expected = state.cards.get(&sender).map(|life| life.expected);
-            let life =
-                CardLife { alive, report: answer.report, heard: Instant::now(), expected: sequence.next() };
+            let life = CardLife { alive, report: answer.report, spoke, expected: sequence.next() };
             state.cards.insert(sender, life);
             if let Report::Digital(word) = answer.report {
                 state.words.insert(answer.card, word);
@@ -296,13 +298,34 @@ impl Exchange {
         }
     }
 
-    /// A card that has not been heard for too long hangs; the others must not run on.
+    /// How long the thread may sleep. What matters wakes it; heartbeats wait on the bus until a card could have been silent
+    /// for too long.
+    fn patience(&self) -> Duration {
+        let state = self.state();
+        let rests = |life: &CardLife| {
+            let moves = matches!(life.report, Report::Axis(axis) if axis.activity != Activity::Standing);
+            life.alive && !moves
+        };
+        if self.feed.is_watched() || !state.cards.values().all(rests) {
+            return LOOK;
+        }
+        let first = state.cards.values().map(|life| life.spoke).min();
+        first.map_or(LOOK, |spoke| self.clock.until(spoke + self.silence()))
+    }
+
+    /// The machine time after which a card that says nothing hangs.
+    fn silence(&self) -> Ticks {
+        let real = Duration::from_millis(self.knowledge.config.supervision.silent_ms.into());
+        self.clock.scale().ticks(real)
+    }
+
+    /// A card that has said nothing for too long hangs; the others must not run on.
     fn look_for_silence(&self) {
-        let limit = Duration::from_millis(self.knowledge.config.supervision.silent_ms.into());
+        let (now, limit) = (self.clock.now(), self.silence());
         let hung: Vec<Address> = {
             let mut state = self.state();
             let silent =
-                state.cards.iter_mut().filter(|(_, life)| life.alive && life.heard.elapsed() > limit);
+                state.cards.iter_mut().filter(|(_, life)| life.alive && now.since(life.spoke) >= limit);
             silent
                 .map(|(card, life)| {
                     life.alive = false;
@@ -311,7 +334,8 @@ impl Exchange {
                 .collect()
         };
         for card in hung {
-            tracing::error!(%card, limit_ms = limit.as_millis(), "the card is silent; all axes brake");
+            let limit_ms = self.knowledge.config.supervision.silent_ms;
+            tracing::error!(%card, limit_ms, "the card is silent; all axes brake");
             self.card_gone(card);
         }
     }

@@ -171,9 +171,9 @@ mod server {
             }
         }
 
-        fn send(&mut self, time: WallTime, message: &Message) {
+        fn send(&mut self, time: WallTime, message: Message<'_>) {
             match self.of(message.topic) {
-                Ok(channel) => channel.log_with_meta(&message.data, PartialMetadata::with_log_time(time.0)),
+                Ok(channel) => channel.log_with_meta(message.data, PartialMetadata::with_log_time(time.0)),
                 Err(error) => tracing::warn!(%error, "a channel cannot be opened"),
             }
         }
