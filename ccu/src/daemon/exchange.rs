@@ -423,9 +423,9 @@ impl Link for LiveLink {
     }
 
     fn activity(&self, axis: AxisNumber) -> Option<Activity> {
-        match self.exchange.state().cards.get(&axis.address())?.report {
-            Report::Axis(report) => Some(report.activity),
-            Report::Digital(_) => None,
+        match self.exchange.state().cards.get(&axis.address())? {
+            CardLife { alive: true, report: Report::Axis(report), .. } => Some(report.activity),
+            _ => None,
         }
     }
 
