@@ -6,7 +6,9 @@ use std::time::{Duration, Instant};
 
 use supersigma_protocol::bus::in_process::InProcessBus;
 use supersigma_protocol::bus::shared_memory::{Place, SharedBus};
-use supersigma_protocol::bus::{BUFFER_FRAMES, Bus, BusError, Lane, Receive, Tap, Transmit, Wake};
+use supersigma_protocol::bus::{
+    BUFFER_FRAMES, Bus, BusError, Lane, Origin, Receive, Received, Tap, Transmit, Wake,
+};
 use supersigma_protocol::{Address, MAX_FRAME_BYTES};
 use tempfile::TempDir;
 
@@ -253,7 +255,7 @@ fn a_frame_of_any_permitted_length_passes_and_a_longer_one_is_refused(bus: &impl
     for length in 0..=MAX_FRAME_BYTES {
         let bytes: Vec<u8> = (0..=u8::MAX).cycle().skip(length).take(length).collect();
         ccu.send(&bytes, Wake::Nobody).unwrap();
-        assert_eq!(card.receive().unwrap(), Some(bytes));
+        assert_eq!(card.receive().unwrap(), Some(Received { origin: Origin::own(), bytes }));
     }
     let error = ccu.send(&[0; MAX_FRAME_BYTES + 1], Wake::Everyone).unwrap_err();
     assert!(matches!(error, BusError::TooLong { bytes: 129 }));
@@ -279,7 +281,7 @@ fn number(frame: &[u8]) -> u32 {
 
 /// Everything that is here now.
 fn numbers(port: &mut impl Receive) -> Vec<u32> {
-    std::iter::from_fn(|| port.receive().unwrap()).map(|frame| number(&frame)).collect()
+    std::iter::from_fn(|| port.receive().unwrap()).map(|frame| number(&frame.bytes)).collect()
 }
 
 /// The next frame, slept for if need be.
@@ -287,7 +289,7 @@ fn next(port: &mut impl Receive) -> u32 {
     let deadline = Instant::now() + GENEROUS;
     loop {
         if let Some(frame) = port.receive().unwrap() {
-            return number(&frame);
+            return number(&frame.bytes);
         }
         assert!(Instant::now() < deadline, "nothing came");
         port.wait(GENEROUS).unwrap();
@@ -299,7 +301,7 @@ fn polled(port: &mut impl Receive) -> u32 {
     let deadline = Instant::now() + GENEROUS;
     loop {
         if let Some(frame) = port.receive().unwrap() {
-            return number(&frame);
+            return number(&frame.bytes);
         }
         assert!(Instant::now() < deadline, "nothing came");
         thread::yield_now();
@@ -308,7 +310,11 @@ fn polled(port: &mut impl Receive) -> u32 {
 
 fn drained(tap: &mut impl Tap) -> Vec<(Lane, u32)> {
     let mut seen = Vec::new();
-    let count = tap.drain(&mut |lane, frame| seen.push((lane, number(frame)))).unwrap();
+    let count = tap.drain(&mut |lane, origin, frame| {
+        assert_eq!(origin, Origin::own());
+        seen.push((lane, number(frame)));
+    });
+    let count = count.unwrap();
     assert_eq!(count, seen.len());
     seen
 }

@@ -30,7 +30,7 @@ fn nothing_stays_in_memory_or_folder_after_a_sweep() {
     let (mut ccu, answers) = bus.ccu().unwrap();
     let (card, mut commands) = bus.card(Address(1)).unwrap();
     ccu.send(b"x", Wake::Everyone).unwrap();
-    assert_eq!(commands.receive().unwrap().as_deref(), Some(&b"x"[..]));
+    assert_eq!(all(&mut commands), [b"x"]);
     assert!(!home.in_shared_memory().is_empty() && home.bus_folder().is_dir());
     drop((ccu, answers, card, commands, bus));
     SharedBus::sweep(&home.place).unwrap();
@@ -141,7 +141,7 @@ fn a_killed_card_can_join_again_and_again() {
         if life % 2 == 0 {
             bus.clean_dead();
         }
-        tap.drain(&mut |_, _| ()).unwrap();
+        tap.drain(&mut |_, _, _| ()).unwrap();
     }
 }
 
@@ -195,7 +195,7 @@ fn child_card_that_echoes() {
     say_ready();
     loop {
         while let Some(command) = commands.receive().unwrap() {
-            answers.send(&command, Wake::Everyone).unwrap();
+            answers.send(&command.bytes, Wake::Everyone).unwrap();
         }
         commands.wait(GENEROUS).unwrap();
     }
@@ -293,14 +293,14 @@ fn say_ready() {
 }
 
 fn all(port: &mut SharedReceive) -> Vec<Vec<u8>> {
-    std::iter::from_fn(|| port.receive().unwrap()).collect()
+    std::iter::from_fn(|| port.receive().unwrap()).map(|frame| frame.bytes).collect()
 }
 
 fn next(port: &mut SharedReceive) -> Vec<u8> {
     let deadline = Instant::now() + GENEROUS;
     loop {
         if let Some(frame) = port.receive().unwrap() {
-            return frame;
+            return frame.bytes;
         }
         assert!(Instant::now() < deadline, "nothing came");
         port.wait(GENEROUS).unwrap();

@@ -6,10 +6,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender as Subscriber};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use axis_worker::clock::Clock;
-use supersigma_protocol::bus::{BusError, Lane, Receive, Transmit, Wake, Waker};
+use supersigma_protocol::bus::{BusError, Lane, Receive, Received, Strangers, Transmit, Wake, Waker};
 use supersigma_protocol::{
     About, Activity, Address, Answer, AxisNumber, Body, Broadcast, CardKind, Command, Fault, Frame, Occasion,
     Operation, Report, Sender, Sequence, Tick, Ticks,
@@ -17,10 +17,15 @@ use supersigma_protocol::{
 use tokio::sync::broadcast;
 
 use super::feed::{Feed, Overheard};
+use super::members::Members;
 use crate::executive::{Common, Failure, Heard, Knowledge, Link, LogTrouble};
 
 /// How often the thread looks for what nobody woke it for, while somebody wants to see it: the way of axes that move.
 const LOOK: Duration = Duration::from_millis(50);
+/// So many frames are taken at once, before silence is looked for.
+const AT_ONCE: usize = 1_024;
+/// So many times more may have to be taken at the end; a stranger may not hold it up.
+const LAST_LOOKS: usize = 64;
 
 /// What is known of one card's process.
 #[derive(Debug, Clone)]
@@ -51,6 +56,7 @@ pub(super) struct Exchange {
     knowledge: Arc<Knowledge>,
     common: Arc<Common>,
     clock: Clock,
+    members: Members,
     port: Mutex<Port>,
     state: Mutex<State>,
     feed: Feed,
@@ -85,6 +91,7 @@ impl Exchange {
     pub(super) fn start(
         knowledge: Arc<Knowledge>,
         clock: Clock,
+        members: Members,
         transmit: impl Transmit + 'static,
         receive: impl Receive + 'static,
     ) -> Result<(Arc<Self>, JoinHandle<()>), BusError> {
@@ -92,6 +99,7 @@ impl Exchange {
             knowledge,
             common: Arc::default(),
             clock,
+            members,
             port: Mutex::new(Port {
                 ends: Some((Box::new(transmit), receive.waker())),
                 sequence: Sequence(0),
@@ -236,35 +244,67 @@ impl Exchange {
     }
 
     fn listen(&self, mut receive: impl Receive) {
+        let (mut strangers, mut more) = (Strangers::default(), false);
         while !self.over.load(Ordering::Acquire) {
-            let patience = self.patience();
-            if let Err(error) = receive.wait(patience).and_then(|()| self.drain(&mut receive)) {
-                tracing::error!(%error, "the CCU does not hear any more");
-                self.going_down();
-                return;
+            let waited = if more { Ok(()) } else { receive.wait(self.patience()) };
+            match waited.and_then(|()| self.drain(&mut receive, &mut strangers)) {
+                Ok(there_is_more) => more = there_is_more,
+                Err(error) => {
+                    tracing::error!(%error, "the CCU does not hear any more");
+                    self.going_down();
+                    return;
+                }
             }
             self.look_for_silence();
         }
-        if let Err(error) = self.drain(&mut receive) {
-            tracing::error!(%error, "the last frames could not be heard");
+        for _ in 0..LAST_LOOKS {
+            match self.drain(&mut receive, &mut strangers) {
+                Ok(true) => {}
+                Ok(false) => break,
+                Err(error) => {
+                    tracing::error!(%error, "the last frames could not be heard");
+                    break;
+                }
+            }
         }
         self.feed.end();
     }
 
-    fn drain(&self, receive: &mut impl Receive) -> Result<(), BusError> {
-        while let Some(bytes) = receive.receive()? {
-            self.feed.tell(Lane::Answers, &bytes);
-            match Frame::decode(&bytes) {
-                Ok(Frame { sender: Sender::Card(card), sequence, tick, body: Body::Answer(answer) }) => {
-                    // No clock is ahead of this one: they are one.
-                    let spoke = tick.min(self.clock.now());
-                    self.take(card, sequence, spoke, answer);
-                }
-                Ok(frame) => tracing::warn!(sender = %frame.sender, "a command on the answers' service"),
-                Err(error) => tracing::warn!(%error, "what the bus brought is not a frame"),
-            }
+    /// Takes what is on the bus; says whether there may be more.
+    fn drain(&self, receive: &mut impl Receive, strangers: &mut Strangers) -> Result<bool, BusError> {
+        let mut taken = 0;
+        while taken < AT_ONCE
+            && let Some(received) = receive.receive()?
+        {
+            taken += 1;
+            self.hear(&received, strangers);
         }
-        Ok(())
+        for stranger in strangers.news(Instant::now()) {
+            tracing::error!(
+                frames = stranger.frames,
+                "{stranger} is no part of the set and speaks on its bus; nobody listens to it"
+            );
+        }
+        Ok(taken == AT_ONCE)
+    }
+
+    fn hear(&self, Received { origin, bytes }: &Received, strangers: &mut Strangers) {
+        let Some(plays) = self.members.card_of(*origin) else {
+            strangers.note(*origin);
+            return;
+        };
+        self.feed.tell(Lane::Answers, bytes);
+        match Frame::decode(bytes) {
+            Ok(Frame { sender: Sender::Card(card), sequence, tick, body: Body::Answer(answer) })
+                if card == plays =>
+            {
+                // No clock is ahead of this one: they are one.
+                let spoke = tick.min(self.clock.now());
+                self.take(card, sequence, spoke, answer);
+            }
+            Ok(frame) => tracing::warn!(sender = %frame.sender, %plays, "a card says what is not its own"),
+            Err(error) => tracing::warn!(%error, %plays, "what the bus brought is not a frame"),
+        }
     }
 
     fn take(&self, sender: Address, sequence: Sequence, spoke: Tick, answer: Answer) {
