@@ -40,10 +40,11 @@ fn at_speed<T: Transmit>(transmit: T) -> Worker<T, impl Receive> {
     let speaks = card.speak(Occasion::Heartbeat).report;
     assert!(matches!(speaks, Report::Axis(AxisReport { activity: Activity::Cruising, .. })), "{speaks:?}");
     let (_, receive) = InProcessBus::new().card(card.address()).expect("a port");
+    let look = Look::new(Duration::ZERO);
     let now = Monotonic::now().as_nanos();
     let clock = Clock::new(Monotonic::from_nanos(now - card.now().0 * 500), TimeScale::REAL);
     let (heartbeat, sequence) = (Ticks(100_000), Sequence(0));
-    Worker { card, clock, transmit, receive, heartbeat, sequence, said: Vec::new(), alarm: None }
+    Worker { card, clock, transmit, receive, look, heartbeat, sequence, said: Vec::new(), alarm: None }
 }
 
 fn has_braked<T: Transmit, R: Receive>(worker: &mut Worker<T, R>) {

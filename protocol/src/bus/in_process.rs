@@ -88,11 +88,19 @@ pub struct InProcessReceive {
 }
 
 impl Receive for InProcessReceive {
-    fn receive(&mut self) -> Result<Option<Vec<u8>>, BusError> {
+    fn receive(&self) -> Result<Option<Vec<u8>>, BusError> {
         Ok(lock(&self.mailbox.inside).frames.pop_front())
     }
 
-    fn wait(&mut self, limit: Duration) -> Result<(), BusError> {
+    /// Looks once: inside one process there is nothing to gain.
+    fn look(&self, _: Duration) -> Result<bool, BusError> {
+        let mut inside = lock(&self.mailbox.inside);
+        let found = !inside.frames.is_empty();
+        inside.raised &= !found;
+        Ok(found)
+    }
+
+    fn wait(&self, limit: Duration) -> Result<(), BusError> {
         let (mut inside, _) = self
             .mailbox
             .line

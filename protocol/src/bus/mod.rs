@@ -1,8 +1,8 @@
 //! The MICROBUS itself: frames' bytes from one process to others. It knows senders and addresses, not meanings.
 //!
 //! Two carriers stand behind the same three traits: [`shared_memory`] (iceoryx2) between processes and
-//! [`in_process`] inside one. Nobody spins: a port that waits, sleeps in the kernel until its line
-//! (DATA READY for cards, ANSWER READY for the CCU) is raised or the time is over.
+//! [`in_process`] inside one. A port that waits, sleeps in the kernel until its line (DATA READY for cards, ANSWER READY
+//! for the CCU) is raised or the time is over; in the middle of a conversation it may [look] for a moment before.
 //!
 //! ```text
 //!               commands (publish-subscribe, one to all)
@@ -14,6 +14,8 @@
 //!               answers (publish-subscribe, all to the CCU), ANSWER READY
 //! ```
 //!
+//! [look]: Look
+//!
 //! No reader, dead, stopped or slow, can stop a sender: a full buffer loses frames, the receiver sees the gap in
 //! the sequence numbers, and that is an alarm.
 
@@ -24,8 +26,11 @@ use std::time::Duration;
 use crate::MAX_FRAME_BYTES;
 use crate::units::Address;
 
+pub use look::Look;
+
 pub mod in_process;
 mod line;
+mod look;
 pub mod shared_memory;
 
 /// How many frames a reader may leave unread before further ones are lost to it.
@@ -82,19 +87,28 @@ pub trait Transmit: Send {
     fn send(&mut self, frame: &[u8], wake: Wake) -> Result<(), BusError>;
 }
 
-/// The receiving half of a port.
-pub trait Receive: Send {
+/// The receiving half of a port. Several threads may look and wait; frames keep their order only if one thread at a time
+/// receives.
+pub trait Receive: Send + Sync {
     /// The bytes of the next frame that is already here; `None` if there is none. Never waits.
     ///
     /// # Errors
     /// If the bus itself fails.
-    fn receive(&mut self) -> Result<Option<Vec<u8>>, BusError>;
+    fn receive(&self) -> Result<Option<Vec<u8>>, BusError>;
+
+    /// Looks for a frame, for `limit` at most, without sleeping; whether there is one. Then its line is lowered, as after
+    /// waiting. With a `limit` of zero it looks once.
+    /// [`Look`] says when that is worth a processor's time.
+    ///
+    /// # Errors
+    /// If the bus itself fails.
+    fn look(&self, limit: Duration) -> Result<bool, BusError>;
 
     /// Sleeps until this port's line is raised, or `limit` is over. May return early; never spins.
     ///
     /// # Errors
     /// If the bus itself fails.
-    fn wait(&mut self, limit: Duration) -> Result<(), BusError>;
+    fn wait(&self, limit: Duration) -> Result<(), BusError>;
 
     /// What ends this port's `wait` from another thread of the same process.
     fn waker(&self) -> Waker;
