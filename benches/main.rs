@@ -1,0 +1,63 @@
+//! What the project promises of speed, measured in one run against named references:
+//!
+//! ```text
+//! cargo bench -p supersigma-ccu --bench performance                   # everything, as a table
+//! cargo bench -p supersigma-ccu --bench performance -- machine bus    # some rooms of it
+//! cargo bench -p supersigma-ccu --bench performance -- --record docs  # and docs/performance.md, docs/performance.csv
+//! ```
+//!
+//! Every room measures one thing and its reference side by side. None of them is a test: a slow machine gives other
+//! figures, not a failure.
+
+use std::error::Error;
+use std::path::PathBuf;
+
+use clap::{Parser, ValueEnum};
+
+mod figure;
+mod machine;
+
+use figure::{Figure, Report};
+
+/// Measures the set against its references, in one run
+#[derive(Debug, Parser)]
+struct Args {
+    /// What to measure [default: everything]
+    #[arg(value_enum)]
+    rooms: Vec<Room>,
+    /// Write performance.md into this folder, and append to its performance.csv
+    #[arg(long, value_name = "DIR")]
+    record: Option<PathBuf>,
+    /// Given by cargo to every benchmark
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+/// One thing that is measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Room {
+    /// The axis machine, alone
+    Machine,
+}
+
+impl Room {
+    fn measure(self) -> Result<Vec<Figure>, Box<dyn Error>> {
+        match self {
+            Self::Machine => Ok(machine::measure()),
+        }
+    }
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let args = Args::parse();
+    let rooms = if args.rooms.is_empty() { Room::value_variants() } else { &args.rooms };
+    let mut report = Report::of_this_machine();
+    for &room in rooms {
+        let figures = room.measure()?;
+        print!("{}", report.add(figures));
+    }
+    if let Some(folder) = &args.record {
+        report.record(folder)?;
+    }
+    Ok(())
+}
