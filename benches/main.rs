@@ -11,11 +11,18 @@
 
 use std::error::Error;
 use std::path::PathBuf;
+use std::process::ExitCode;
 
 use clap::{Parser, ValueEnum};
 
+mod bus;
 mod figure;
+mod live;
 mod machine;
+mod pacing;
+mod peers;
+mod ping;
+mod span;
 
 use figure::{Figure, Report};
 
@@ -38,17 +45,27 @@ struct Args {
 enum Room {
     /// The axis machine, alone
     Machine,
+    /// From a command to its answer, with all processes of a set
+    Bus,
+    /// How late workers handle what happens by itself
+    Pacing,
 }
 
 impl Room {
     fn measure(self) -> Result<Vec<Figure>, Box<dyn Error>> {
         match self {
             Self::Machine => Ok(machine::measure()),
+            Self::Bus => bus::measure(),
+            Self::Pacing => pacing::measure(),
         }
     }
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
+fn main() -> Result<ExitCode, Box<dyn Error>> {
+    if let Some(played) = peers::play() {
+        return played;
+    }
+    axis_worker::start_logging();
     let args = Args::parse();
     let rooms = if args.rooms.is_empty() { Room::value_variants() } else { &args.rooms };
     let mut report = Report::of_this_machine();
@@ -59,5 +76,5 @@ fn main() -> Result<(), Box<dyn Error>> {
     if let Some(folder) = &args.record {
         report.record(folder)?;
     }
-    Ok(())
+    Ok(ExitCode::SUCCESS)
 }
