@@ -157,7 +157,7 @@ fn a_waiting_card_is_woken_by_a_command(bus: &impl Bus<Receive: 'static>) {
 }
 
 fn a_waiting_port_is_woken_by_another_thread(bus: &impl Bus<Receive: 'static>) {
-    let (_commands, mut ccu) = bus.ccu().unwrap();
+    let (_commands, ccu) = bus.ccu().unwrap();
     let waker = ccu.waker();
     let woken = thread::spawn(move || {
         let begun = Instant::now();
@@ -263,7 +263,7 @@ fn a_port_hears_nothing_from_before_its_time(bus: &impl Bus) {
 
 fn a_frame_of_any_permitted_length_passes_and_a_longer_one_is_refused(bus: &impl Bus) {
     let (mut ccu, _answers) = bus.ccu().unwrap();
-    let (_answers_of_it, mut card) = bus.card(Address(1)).unwrap();
+    let (_answers_of_it, card) = bus.card(Address(1)).unwrap();
     for length in 0..=MAX_FRAME_BYTES {
         let bytes: Vec<u8> = (0..=u8::MAX).cycle().skip(length).take(length).collect();
         ccu.send(&bytes, Wake::Nobody).unwrap();
