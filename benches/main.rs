@@ -11,12 +11,19 @@
 
 use std::error::Error;
 use std::path::PathBuf;
+use std::process::ExitCode;
 
 use clap::{Parser, ValueEnum};
 
+mod bus;
 mod figure;
+mod live;
 mod machine;
+mod pacing;
+mod peers;
+mod ping;
 mod recorder;
+mod span;
 mod startup;
 
 use figure::{Figure, Report};
@@ -40,6 +47,10 @@ struct Args {
 enum Room {
     /// The axis machine, alone
     Machine,
+    /// From a command to its answer, with all processes of a set
+    Bus,
+    /// How late workers handle what happens by itself
+    Pacing,
     /// The log, alone
     Recorder,
     /// A whole set that starts, and then idles
@@ -50,13 +61,19 @@ impl Room {
     fn measure(self) -> Result<Vec<Figure>, Box<dyn Error>> {
         match self {
             Self::Machine => Ok(machine::measure()),
+            Self::Bus => bus::measure(),
+            Self::Pacing => pacing::measure(),
             Self::Recorder => recorder::measure(),
             Self::Startup => startup::measure(),
         }
     }
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
+fn main() -> Result<ExitCode, Box<dyn Error>> {
+    if let Some(played) = peers::play() {
+        return played;
+    }
+    axis_worker::start_logging();
     let args = Args::parse();
     let rooms = if args.rooms.is_empty() { Room::value_variants() } else { &args.rooms };
     let mut report = Report::of_this_machine();
@@ -67,5 +84,5 @@ fn main() -> Result<(), Box<dyn Error>> {
     if let Some(folder) = &args.record {
         report.record(folder)?;
     }
-    Ok(())
+    Ok(ExitCode::SUCCESS)
 }

@@ -19,6 +19,7 @@ pub mod motor;
 #[deny(clippy::float_arithmetic)]
 pub mod pit8253;
 pub mod ramp;
+pub mod real_time;
 pub mod stall;
 pub mod tune;
 pub mod worker;

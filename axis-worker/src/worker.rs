@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use supersigma_config::{Config, ConfigError};
 use supersigma_protocol::bus::shared_memory::{Place, SharedBus};
-use supersigma_protocol::bus::{Bus, BusError, Origin, Receive, Strangers, Transmit, Wake, Waker};
+use supersigma_protocol::bus::{Bus, BusError, Look, Origin, Receive, Strangers, Transmit, Wake, Waker};
 use supersigma_protocol::{
     About, Address, Alarm, Answer, AxisReport, Body, CardKind, Frame, Occasion, Report, Sender, Sequence,
     Tick, Ticks,
@@ -25,6 +25,7 @@ use supersigma_protocol::{
 use crate::axis::AxisError;
 use crate::card::Card;
 use crate::clock::{Clock, Monotonic, TimeScale};
+use crate::real_time::{self, Missing};
 
 /// What a worker is told by whoever starts it.
 #[derive(Debug, Clone, Args)]
@@ -94,6 +95,9 @@ pub fn run(args: &WorkerArgs) -> Result<(), WorkerError> {
     let clock = Clock::new(Monotonic::from_nanos(args.epoch), args.time_scale);
     let bus = SharedBus::join(&Place::new(&args.runtime)?)?;
     let (transmit, receive) = bus.card(card.address())?;
+    for Missing { what, reason, advice } in real_time::ask_for(&config.real_time) {
+        tracing::warn!(card = %card.address(), missing = what, reason, advice, "the system refuses real time");
+    }
     let lifeline = watch_lifeline(receive.waker())?;
     let heartbeat = Duration::from_millis(config.supervision.heartbeat_ms.into());
     let heartbeat = clock.scale().ticks(heartbeat);
@@ -104,6 +108,7 @@ pub fn run(args: &WorkerArgs) -> Result<(), WorkerError> {
         receive,
         ccu: Origin(args.ccu),
         strangers: Strangers::default(),
+        look: Look::new(Duration::from_micros(config.bus.look_us.into())),
         heartbeat,
         sequence: Sequence(0),
         said: Vec::new(),
@@ -137,6 +142,7 @@ struct Worker<T, R> {
     /// Whose commands are obeyed.
     ccu: Origin,
     strangers: Strangers,
+    look: Look,
     heartbeat: Ticks,
     sequence: Sequence,
     /// What the card has said and the bus has not got yet; kept to reuse its memory.
@@ -198,7 +204,7 @@ impl<T: Transmit, R: Receive> Worker<T, R> {
             }
             let next = self.card.next_event().map_or(heartbeat, |event| event.min(heartbeat));
             if !more {
-                self.receive.wait(self.clock.until(next))?;
+                self.look.wait(&self.receive, self.clock.until(next))?;
             }
         }
         self.leave(lifeline)

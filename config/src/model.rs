@@ -22,6 +22,12 @@ pub struct Config {
     /// How the CCU knows that a process is alive.
     #[serde(default)]
     pub supervision: SupervisionConfig,
+    /// The bus.
+    #[serde(default)]
+    pub bus: BusConfig,
+    /// What the cards' processes ask of the system, to be in time on a busy machine.
+    #[serde(default)]
+    pub real_time: RealTimeConfig,
     /// The MCAP log.
     #[serde(default)]
     pub log: LogConfig,
@@ -88,6 +94,55 @@ impl Default for SupervisionConfig {
     fn default() -> Self {
         Self { heartbeat_ms: 100, silent_ms: 450, restart: true }
     }
+}
+
+/// The bus.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct BusConfig {
+    /// For so many microseconds, 1000 at most, a process that expects a frame at any moment looks for it before it sleeps; 0
+    /// for never. It is not done when it does not pay, nor on a single processor.
+    #[schemars(range(max = 1_000))]
+    pub look_us: u32,
+}
+
+impl Default for BusConfig {
+    fn default() -> Self {
+        Self { look_us: 60 }
+    }
+}
+
+/// What the cards' processes ask of the system, to be in time on a busy machine. What they do not get, they do without, and
+/// say so.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RealTimeConfig {
+    /// By which of the system's rules they get a processor.
+    pub policy: SchedulingPolicy,
+    /// Their priority under `fifo`, 1 to 99, the highest.
+    #[schemars(range(min = 1, max = 99))]
+    pub priority: u8,
+    /// Whether their memory is locked, so that no page of it is ever fetched from disk.
+    pub lock_memory: bool,
+    /// The numbers of the processors on which alone they run, 0 to 1023; none for all.
+    #[schemars(inner(range(max = 1_023)))]
+    pub cpus: Vec<u16>,
+}
+
+impl Default for RealTimeConfig {
+    fn default() -> Self {
+        Self { policy: SchedulingPolicy::Normal, priority: 50, lock_memory: false, cpus: Vec::new() }
+    }
+}
+
+/// By which of the system's rules a process gets a processor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum SchedulingPolicy {
+    /// As all others.
+    Normal,
+    /// Before all that are `normal`, and as long as it wants: Linux' `SCHED_FIFO`.
+    Fifo,
 }
 
 /// The MCAP log.

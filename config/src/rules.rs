@@ -9,6 +9,10 @@ use crate::{AxisConfig, Config, Feedback, KeyPath, MotorConfig, Profile, RampCon
 
 /// Positions are then far from the ends of their type.
 const LONGEST_RAIL: u32 = 1_000_000;
+/// A look before sleeping is to save some tens of microseconds.
+const LONGEST_LOOK_US: u32 = 1_000;
+/// As many as the system's call takes.
+const HIGHEST_CPU: u16 = 1_023;
 
 /// A broken rule.
 #[derive(Debug)]
@@ -24,6 +28,7 @@ pub(crate) fn check(config: &Config) -> Vec<Finding> {
     let mut findings = Findings(Vec::new());
     findings.milliseconds(config);
     findings.rotation(config);
+    findings.processes(config);
     let set_ramp = config.ramp.counts();
     let root = KeyPath::default();
     if let Err(error) = &set_ramp {
@@ -113,6 +118,31 @@ impl Findings {
                 self.add(KeyPath::default().key("log").key(key), Problem::Refused { reason });
             }
         }
+    }
+
+    fn processes(&mut self, config: &Config) {
+        let refused = |reason: &str| Problem::Refused { reason: reason.to_owned() };
+        if config.bus.look_us > LONGEST_LOOK_US {
+            let reason = format!(
+                "{} µs are too long to keep a processor busy for nothing, at most {LONGEST_LOOK_US}",
+                config.bus.look_us
+            );
+            self.add(KeyPath::default().key("bus").key("look_us"), refused(&reason));
+        }
+        let (real_time, table) = (&config.real_time, KeyPath::default().key("real_time"));
+        if !(1..=99).contains(&real_time.priority) {
+            self.add(table.key("priority"), refused("a priority is 1 to 99, the highest"));
+        }
+        let cpus =
+            || real_time.cpus.iter().enumerate().map(|(index, cpu)| (table.key("cpus").index(index), *cpu));
+        for (key, cpu) in cpus().filter(|(_, cpu)| *cpu > HIGHEST_CPU) {
+            let reason =
+                format!("there is no processor {cpu}; they are numbered from 0, to {HIGHEST_CPU} at most");
+            self.add(key, refused(&reason));
+        }
+        self.unique(cpus().map(|(key, cpu)| (key, cpu, "")), |cpu, _| {
+            refused(&format!("processor {cpu} is named twice"))
+        });
     }
 
     fn ramp(&mut self, table: &KeyPath, ramp: &RampConfig, error: RampError) {

@@ -28,7 +28,7 @@ fn nothing_stays_in_memory_or_folder_after_a_sweep() {
     let home = Home::new();
     let bus = SharedBus::create(&home.place).unwrap();
     let (mut ccu, answers) = bus.ccu().unwrap();
-    let (card, mut commands) = bus.card(Address(1)).unwrap();
+    let (card, commands) = bus.card(Address(1)).unwrap();
     ccu.send(b"x", Wake::Everyone).unwrap();
     assert_eq!(all(&mut commands), [b"x"]);
     assert!(!home.in_shared_memory().is_empty() && home.bus_folder().is_dir());
@@ -44,7 +44,7 @@ fn a_sweep_under_a_living_port_spares_the_process() {
     let home = Home::new();
     let bus = SharedBus::create(&home.place).unwrap();
     let (mut ccu, answers) = bus.ccu().unwrap();
-    let (card, mut commands) = bus.card(Address(1)).unwrap();
+    let (card, commands) = bus.card(Address(1)).unwrap();
     SharedBus::sweep(&home.place).unwrap();
     ccu.send(b"x", Wake::Everyone).unwrap();
     while commands.receive().unwrap().is_some() {}
@@ -191,7 +191,7 @@ fn child_card_that_echoes() {
         return;
     };
     let bus = SharedBus::join(&place).unwrap();
-    let (mut answers, mut commands) = bus.card(Address(3)).unwrap();
+    let (mut answers, commands) = bus.card(Address(3)).unwrap();
     say_ready();
     loop {
         while let Some(command) = commands.receive().unwrap() {
@@ -208,7 +208,7 @@ fn child_ccu_that_does_nothing() {
         return;
     };
     let bus = SharedBus::create(&place).unwrap();
-    let (_commands, mut answers) = bus.ccu().unwrap();
+    let (_commands, answers) = bus.ccu().unwrap();
     say_ready();
     loop {
         answers.wait(GENEROUS).unwrap();

@@ -40,6 +40,7 @@ fn at_speed<T: Transmit>(transmit: T) -> Worker<T, impl Receive> {
     let speaks = card.speak(Occasion::Heartbeat).report;
     assert!(matches!(speaks, Report::Axis(AxisReport { activity: Activity::Cruising, .. })), "{speaks:?}");
     let (_, receive) = InProcessBus::new().card(card.address()).expect("a port");
+    let look = Look::new(Duration::ZERO);
     let now = Monotonic::now().as_nanos();
     let clock = Clock::new(Monotonic::from_nanos(now - card.now().0 * 500), TimeScale::REAL);
     let (heartbeat, sequence) = (Ticks(100_000), Sequence(0));
@@ -50,6 +51,7 @@ fn at_speed<T: Transmit>(transmit: T) -> Worker<T, impl Receive> {
         receive,
         ccu: Origin::own(),
         strangers: Strangers::default(),
+        look,
         heartbeat,
         sequence,
         said: Vec::new(),

@@ -33,6 +33,7 @@ use std::io::Write as _;
 use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -46,6 +47,7 @@ use tokio::sync::{Notify, watch};
 
 use self::births::{Births, Leaving};
 use self::exchange::Exchange;
+pub use self::exchange::LiveLink;
 use self::foxglove::ViewAddress;
 use self::keeper::Keeper;
 use self::members::Members;
@@ -288,6 +290,12 @@ impl Daemon {
     pub fn wanted_down(&self) -> impl Future<Output = ()> + Send + use<> {
         let desk = Arc::clone(&self.desk);
         async move { desk.down.notified().await }
+    }
+
+    /// A link for an executive in this process. It hears everything from now on, until `cancelled` is set.
+    #[must_use]
+    pub fn link(&self, cancelled: Arc<AtomicBool>) -> LiveLink {
+        self.exchange.link(cancelled)
     }
 
     /// From now on nobody begins anything; whoever waits is told.

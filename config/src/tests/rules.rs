@@ -1,7 +1,7 @@
 //! Texts that fit the model and break a rule.
 
 use super::{AXIS, axis_and, axis_with, breaks, messages};
-use crate::{Config, OnLoss, Problem};
+use crate::{Config, OnLoss, Problem, SchedulingPolicy};
 
 #[test]
 fn one_to_seven_axes() {
@@ -300,4 +300,26 @@ fn motors_can_be() {
     );
     let bench = Config::from_toml(&axis_and("motor = {}\n"), "set.toml").expect("sound");
     assert_eq!(bench.axes[0].motor, Some(crate::MotorConfig::bench()));
+}
+
+#[test]
+fn what_processes_may_ask_of_the_machine() {
+    for (text, place) in [
+        ("[bus]\nlook_us = 1001\n", "7:11: bus.look_us: 1001 µs are too long"),
+        ("[real_time]\npriority = 0\n", "7:12: real_time.priority: a priority is 1 to 99"),
+        ("[real_time]\npriority = 100\n", "7:12: real_time.priority: a priority is 1 to 99"),
+        ("[real_time]\ncpus = [0, 1024]\n", "7:12: real_time.cpus[1]: there is no processor 1024"),
+        ("[real_time]\ncpus = [3, 3]\n", "7:12: real_time.cpus[1]: processor 3 is named twice"),
+    ] {
+        breaks(&axis_and(text), &format!("set.toml:{place}"), "means: ");
+    }
+    breaks(
+        &axis_and("[real_time]\npolicy = \"rr\"\n"),
+        "set.toml:7:10: real_time.policy: \"rr\" is not one of the words for this",
+        "the words are `normal`, `fifo`",
+    );
+    let text =
+        axis_and("[real_time]\npolicy = \"fifo\"\npriority = 99\nlock_memory = true\ncpus = [0, 1023]\n");
+    let real_time = Config::from_toml(&text, "set.toml").expect("sound").real_time;
+    assert_eq!((real_time.policy, real_time.cpus), (SchedulingPolicy::Fifo, vec![0, 1023]));
 }
