@@ -99,7 +99,10 @@ impl Programmer {
                 format!("line({by});")
             }
             7 => {
-                let legs: Vec<_> = (0..self.chance.usize(2..6)).map(|_| self.together(true)).collect();
+                // An axis makes so many steps in all legs of a path, at most.
+                let longest = self.axes.iter().map(|axis| axis.max).max().unwrap_or(1);
+                let most = usize::try_from(65_535 / longest).unwrap_or(2).clamp(2, 5);
+                let legs: Vec<_> = (0..self.chance.usize(2..=most)).map(|_| self.together(true)).collect();
                 format!("path_to([{}], {});", legs.join(", "), self.speed())
             }
             8 => {
