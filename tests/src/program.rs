@@ -67,16 +67,18 @@ impl Programmer {
     pub fn program(&mut self, steps: usize) -> Program {
         let lost: Vec<_> = self.axes.iter_mut().filter(|axis| axis.at.is_none()).collect();
         let names: Vec<_> = lost.iter().map(|axis| format!("\"{}\"", axis.name)).collect();
-        let mut text = String::new();
+        let mut lines = Vec::new();
         if !lost.is_empty() {
-            text += &format!("origin([{}]);\n", names.join(", "));
+            lines.push(format!("origin([{}]);", names.join(", ")));
         }
-        lost.into_iter().for_each(|axis| axis.at = Some(0));
+        for axis in lost {
+            axis.at = Some(0);
+        }
         for step in 1..=steps {
-            text += &format!("print(\"step {step}\");\n{}\n", self.step());
+            lines.extend([format!("print(\"step {step}\");"), self.step()]);
         }
-        text += "print(\"over\");\n";
-        Program { text, steps }
+        lines.push("print(\"over\");\n".into());
+        Program { text: lines.join("\n"), steps }
     }
 
     fn step(&mut self) -> String {
@@ -99,7 +101,10 @@ impl Programmer {
                 format!("line({by});")
             }
             7 => {
-                let legs: Vec<_> = (0..self.chance.usize(2..6)).map(|_| self.together(true)).collect();
+                // An axis makes so many steps in all legs of a path, at most.
+                let longest = self.axes.iter().map(|axis| axis.max).max().unwrap_or(1);
+                let most = usize::try_from(65_535 / longest).unwrap_or(2).clamp(2, 5);
+                let legs: Vec<_> = (0..self.chance.usize(2..=most)).map(|_| self.together(true)).collect();
                 format!("path_to([{}], {});", legs.join(", "), self.speed())
             }
             8 => {

@@ -329,6 +329,7 @@ fn a_search_that_is_stopped_tells_the_steps_of_all_its_stages() {
                 most = most.max(told.1);
             }
         }
-        assert!(most > 3_000, "the way to the switch and the stages after it: {most}");
+        // From 3 000 to the switch at 1 000, and the stages after that.
+        assert!(most > 2_000, "{operation:?}: {most}");
     }
 }

@@ -59,7 +59,8 @@ fn run(args: &Args, cell: &Cell, record: &mut Record) {
     let end = Duration::from_secs_f64(args.minutes * 60.0);
     let warm_up = (end / 5).min(Duration::from_secs(120));
     let mut chance = Rng::with_seed(args.seed);
-    let mut programmer = Programmer::new(args.seed, i64::MAX);
+    // Two legs of a path may go from end to end.
+    let mut programmer = Programmer::new(args.seed, 32_000);
     let up = cell.up(&args.time_scale.to_string());
     while began.elapsed() < end {
         // A slow set gets short programs, for none may take a minute.
