@@ -110,6 +110,7 @@ fn a_worker_obeys_its_ccu_alone() {
         clock: worker.clock,
         transmit: worker.transmit,
         strangers: Strangers::default(),
+        look: worker.look,
         heartbeat: worker.heartbeat,
         sequence: worker.sequence,
         said: Vec::new(),
