@@ -12,6 +12,14 @@ build:
 test:
     cargo test --workspace
 
+# Rounds by chance for minutes: random programs, and processes that are killed or stand still at random moments
+long:
+    cargo test -p supersigma-ccu --test rounds -- --ignored
+
+# Half an hour of random programs on one set, watched; writes the book's page about it
+soak:
+    cargo run --release -p supersigma-tests --bin soak -- --minutes 30 --time-scale 20 --seed 1 --report docs/src/architecture/soak.md
+
 # Check the format and the lints; a warning is an error
 lint:
     cargo fmt --check && cargo clippy --workspace --all-targets -- -D warnings
@@ -23,6 +31,10 @@ ci:
 # Start a set, run the small assembly on it, take the set down
 demo:
     cargo run --release -- run examples/assembly.rhai
+
+# Measure what is promised of speed, and record it in docs/performance.md and docs/performance.csv
+bench:
+    cargo bench -p supersigma-ccu --bench performance -- --record docs
 
 # Build the book from docs/ into docs/book; needs mdBook (`cargo install mdbook`)
 docs:

@@ -22,7 +22,9 @@ mod machine;
 mod pacing;
 mod peers;
 mod ping;
+mod recorder;
 mod span;
+mod startup;
 
 use figure::{Figure, Report};
 
@@ -49,6 +51,10 @@ enum Room {
     Bus,
     /// How late workers handle what happens by itself
     Pacing,
+    /// The log, alone
+    Recorder,
+    /// A whole set that starts, and then idles
+    Startup,
 }
 
 impl Room {
@@ -57,6 +63,8 @@ impl Room {
             Self::Machine => Ok(machine::measure()),
             Self::Bus => bus::measure(),
             Self::Pacing => pacing::measure(),
+            Self::Recorder => recorder::measure(),
+            Self::Startup => startup::measure(),
         }
     }
 }

@@ -169,7 +169,7 @@ fn there_or_back(executive: &mut Executive<LiveLink>, axes: usize, out: bool) ->
 
 fn stands(executive: &mut Executive<LiveLink>, axis: AxisNumber) -> Result<bool, Failed> {
     match operate(executive, Request::Status { axes: vec![axis] })? {
-        Outcome::Axes(axes) => Ok(axes
+        Outcome::Axes(states) => Ok(states
             .iter()
             .all(|state| state.report.is_some_and(|report| report.activity == Activity::Standing))),
         other => Err(format!("{other:?} is no status").into()),
@@ -230,7 +230,7 @@ fn sleeps(threads: usize, real_time: &RealTimeConfig, times: &mut Times) -> Resu
             let mut late = Vec::new();
             let mut next = Tick(0);
             while next < Tick(0) + TimeScale::REAL.ticks(SPAN) {
-                next = next + Ticks::from_millis(PERIOD_MS.into());
+                next += Ticks::from_millis(PERIOD_MS.into());
                 thread::sleep(clock.until(next));
                 late.push(clock.now().since(next));
             }

@@ -11,12 +11,12 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use clap::Args;
 use supersigma_config::{Config, ConfigError};
 use supersigma_protocol::bus::shared_memory::{Place, SharedBus};
-use supersigma_protocol::bus::{Bus, BusError, Look, Receive, Transmit, Wake, Waker};
+use supersigma_protocol::bus::{Bus, BusError, Origin, Receive, Strangers, Transmit, Wake, Waker};
 use supersigma_protocol::{
     About, Address, Alarm, Answer, AxisReport, Body, CardKind, Frame, Occasion, Report, Sender, Sequence,
     Tick, Ticks,
@@ -39,6 +39,9 @@ pub struct WorkerArgs {
     /// The set's configuration
     #[arg(long, value_name = "FILE")]
     pub config: PathBuf,
+    /// The CCU's process; nobody else is listened to
+    #[arg(long, value_name = "PID")]
+    pub ccu: u32,
     /// The set's tick 0, in nanoseconds of the machine's monotonic clock
     #[arg(long, value_name = "NS")]
     pub epoch: u64,
@@ -50,6 +53,9 @@ pub struct WorkerArgs {
 /// What a sender has sent is gone with its port, so the port outlives the last frame by this. The recorder looks several
 /// times in it.
 const GRACE: Duration = Duration::from_millis(200);
+
+/// So many frames are heard at once, before the card is asked whether it has something to do.
+const AT_ONCE: usize = 256;
 
 /// The states of a lifeline.
 const HELD: u8 = 0;
@@ -100,7 +106,8 @@ pub fn run(args: &WorkerArgs) -> Result<(), WorkerError> {
         clock,
         transmit,
         receive,
-        look: Look::new(Duration::from_micros(config.bus.look_us.into())),
+        ccu: Origin(args.ccu),
+        strangers: Strangers::default(),
         heartbeat,
         sequence: Sequence(0),
         said: Vec::new(),
@@ -131,7 +138,9 @@ struct Worker<T, R> {
     clock: Clock,
     transmit: T,
     receive: R,
-    look: Look,
+    /// Whose commands are obeyed.
+    ccu: Origin,
+    strangers: Strangers,
     heartbeat: Ticks,
     sequence: Sequence,
     /// What the card has said and the bus has not got yet; kept to reuse its memory.
@@ -178,7 +187,7 @@ impl<T: Transmit, R: Receive> Worker<T, R> {
         loop {
             // Read before the bus: a command that came before the end is then still carried out.
             let lifeline = lifeline.load(Ordering::Acquire);
-            self.catch_up()?;
+            let more = self.catch_up()?;
             if lifeline == ENDED && !braked && self.card.next_event().is_some() {
                 braked = true;
                 self.card.orphan(&mut self.said);
@@ -192,7 +201,9 @@ impl<T: Transmit, R: Receive> Worker<T, R> {
                 heartbeat = self.card.now() + self.heartbeat;
             }
             let next = self.card.next_event().map_or(heartbeat, |event| event.min(heartbeat));
-            self.look.wait(&self.receive, self.clock.until(next))?;
+            if !more {
+                self.receive.wait(self.clock.until(next))?;
+            }
         }
         self.leave(lifeline)
     }
@@ -208,11 +219,19 @@ impl<T: Transmit, R: Receive> Worker<T, R> {
         Ok(())
     }
 
-    /// Brings the card to the present and lets it hear what is on the bus.
-    fn catch_up(&mut self) -> Result<(), WorkerError> {
+    /// Brings the card to the present and lets it hear what is on the bus; says whether there may be more.
+    fn catch_up(&mut self) -> Result<bool, WorkerError> {
         self.advance_to_now();
-        while let Some(bytes) = self.receive.receive()? {
-            match Frame::decode(&bytes) {
+        let mut heard = 0;
+        while heard < AT_ONCE
+            && let Some(received) = self.receive.receive()?
+        {
+            heard += 1;
+            if received.origin != self.ccu {
+                self.strangers.note(received.origin);
+                continue;
+            }
+            match Frame::decode(&received.bytes) {
                 Ok(frame) => {
                     self.advance_to_now();
                     self.card.hear(&frame, &mut self.said);
@@ -220,7 +239,12 @@ impl<T: Transmit, R: Receive> Worker<T, R> {
                 Err(error) => tracing::warn!(%error, "what the bus brought is not a frame"),
             }
         }
-        self.flush()
+        for stranger in self.strangers.news(Instant::now()) {
+            let (card, frames) = (self.card.address(), stranger.frames);
+            tracing::error!(%card, frames, "{stranger} is not the CCU and sends commands; nobody hears them");
+        }
+        self.flush()?;
+        Ok(heard == AT_ONCE)
     }
 
     fn advance_to_now(&mut self) {

@@ -217,8 +217,8 @@ impl<P: PulseWriter> DrySet<P> {
     fn exchange(&mut self) -> Result<(), Failure> {
         for seat in &mut self.cards {
             seat.card.advance(self.now, &mut seat.said);
-            while let Some(bytes) = seat.receive.receive().map_err(bus_gone)? {
-                if let Ok(frame) = Frame::decode(&bytes) {
+            while let Some(received) = seat.receive.receive().map_err(bus_gone)? {
+                if let Ok(frame) = Frame::decode(&received.bytes) {
                     seat.card.hear(&frame, &mut seat.said);
                 }
             }
@@ -261,7 +261,7 @@ impl<P: PulseWriter> DrySet<P> {
     fn log_frames(&mut self) -> Result<(), DryError> {
         if let Some((tap, writer)) = &mut self.log {
             let now = self.now;
-            tap.drain(&mut |lane, bytes| {
+            tap.drain(&mut |lane, _, bytes| {
                 // In one process nothing is lost, and the writer counts and logs gaps by itself.
                 let _ = writer.record(lane, bytes, now);
             })?;
@@ -323,8 +323,8 @@ impl<P: PulseWriter> Link for DrySet<P> {
 
     fn hear(&mut self, until: Tick) -> Result<Option<Heard>, Failure> {
         loop {
-            if let Some(bytes) = self.receive.receive().map_err(bus_gone)? {
-                let frame = Frame::decode(&bytes).map_err(bus_gone)?;
+            if let Some(received) = self.receive.receive().map_err(bus_gone)? {
+                let frame = Frame::decode(&received.bytes).map_err(bus_gone)?;
                 let Body::Answer(answer) = frame.body else { continue };
                 if answer.about == About::Unasked(Occasion::Sampled) {
                     continue;

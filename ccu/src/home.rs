@@ -48,6 +48,12 @@ pub struct Home {
     base: PathBuf,
 }
 
+/// Where in a runtime folder it stands which process plays which card.
+#[must_use]
+pub fn members_in(folder: &Path) -> PathBuf {
+    folder.join("members")
+}
+
 /// Why a set's place cannot be used.
 #[derive(Debug, thiserror::Error, Diagnostic)]
 pub enum HomeError {
@@ -123,6 +129,12 @@ impl Home {
     #[must_use]
     pub fn script(&self) -> PathBuf {
         self.folder().join("script.rhai")
+    }
+
+    /// Which process plays which card.
+    #[must_use]
+    pub fn members(&self) -> PathBuf {
+        members_in(&self.folder())
     }
 
     /// What a detached daemon has to say.

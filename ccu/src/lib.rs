@@ -11,6 +11,7 @@ pub mod log;
 pub mod notices;
 pub mod plot;
 pub mod profile;
+pub mod program;
 pub mod replay;
 pub mod script;
 pub mod serve;

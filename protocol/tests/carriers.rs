@@ -6,7 +6,9 @@ use std::time::{Duration, Instant};
 
 use supersigma_protocol::bus::in_process::InProcessBus;
 use supersigma_protocol::bus::shared_memory::{Place, SharedBus};
-use supersigma_protocol::bus::{BUFFER_FRAMES, Bus, BusError, Lane, Receive, Tap, Transmit, Wake};
+use supersigma_protocol::bus::{
+    BUFFER_FRAMES, Bus, BusError, Lane, Origin, Receive, Received, Tap, Transmit, Wake,
+};
 use supersigma_protocol::{Address, MAX_FRAME_BYTES};
 use tempfile::TempDir;
 
@@ -34,7 +36,6 @@ over_both_carriers! {
     answer_ready_wakes_the_ccu_alone,
     a_waiting_card_is_woken_by_a_command,
     a_waiting_port_is_woken_by_another_thread,
-    a_look_finds_what_is_there,
     a_slow_reader_loses_frames_and_blocks_nobody,
     a_tap_hears_a_command_before_its_answer,
     a_dropped_reader_is_forgotten,
@@ -56,19 +57,6 @@ impl Drop for Swept {
     fn drop(&mut self) {
         SharedBus::sweep(&self.0).unwrap();
     }
-}
-
-fn a_look_finds_what_is_there(bus: &impl Bus) {
-    let (mut ccu, _answers) = bus.ccu().unwrap();
-    let (_, mut card) = bus.card(Address(3)).unwrap();
-    assert!(!card.look(QUIET).unwrap());
-    ccu.send(&frame(1), Wake::Card(Address(3))).unwrap();
-    assert!(card.look(GENEROUS).unwrap());
-    // It was looked for, so nobody needs to be woken for it; and it was not taken.
-    assert!(is_woken(&mut card, false));
-    assert!(card.look(Duration::ZERO).unwrap());
-    assert_eq!(next(&mut card), 1);
-    assert!(!card.look(Duration::ZERO).unwrap());
 }
 
 fn commands_reach_every_card_in_order(bus: &impl Bus) {
@@ -157,7 +145,7 @@ fn a_waiting_card_is_woken_by_a_command(bus: &impl Bus<Receive: 'static>) {
 }
 
 fn a_waiting_port_is_woken_by_another_thread(bus: &impl Bus<Receive: 'static>) {
-    let (_commands, ccu) = bus.ccu().unwrap();
+    let (_commands, mut ccu) = bus.ccu().unwrap();
     let waker = ccu.waker();
     let woken = thread::spawn(move || {
         let begun = Instant::now();
@@ -263,11 +251,11 @@ fn a_port_hears_nothing_from_before_its_time(bus: &impl Bus) {
 
 fn a_frame_of_any_permitted_length_passes_and_a_longer_one_is_refused(bus: &impl Bus) {
     let (mut ccu, _answers) = bus.ccu().unwrap();
-    let (_answers_of_it, card) = bus.card(Address(1)).unwrap();
+    let (_answers_of_it, mut card) = bus.card(Address(1)).unwrap();
     for length in 0..=MAX_FRAME_BYTES {
         let bytes: Vec<u8> = (0..=u8::MAX).cycle().skip(length).take(length).collect();
         ccu.send(&bytes, Wake::Nobody).unwrap();
-        assert_eq!(card.receive().unwrap(), Some(bytes));
+        assert_eq!(card.receive().unwrap(), Some(Received { origin: Origin::own(), bytes }));
     }
     let error = ccu.send(&[0; MAX_FRAME_BYTES + 1], Wake::Everyone).unwrap_err();
     assert!(matches!(error, BusError::TooLong { bytes: 129 }));
@@ -293,7 +281,7 @@ fn number(frame: &[u8]) -> u32 {
 
 /// Everything that is here now.
 fn numbers(port: &mut impl Receive) -> Vec<u32> {
-    std::iter::from_fn(|| port.receive().unwrap()).map(|frame| number(&frame)).collect()
+    std::iter::from_fn(|| port.receive().unwrap()).map(|frame| number(&frame.bytes)).collect()
 }
 
 /// The next frame, slept for if need be.
@@ -301,7 +289,7 @@ fn next(port: &mut impl Receive) -> u32 {
     let deadline = Instant::now() + GENEROUS;
     loop {
         if let Some(frame) = port.receive().unwrap() {
-            return number(&frame);
+            return number(&frame.bytes);
         }
         assert!(Instant::now() < deadline, "nothing came");
         port.wait(GENEROUS).unwrap();
@@ -313,7 +301,7 @@ fn polled(port: &mut impl Receive) -> u32 {
     let deadline = Instant::now() + GENEROUS;
     loop {
         if let Some(frame) = port.receive().unwrap() {
-            return number(&frame);
+            return number(&frame.bytes);
         }
         assert!(Instant::now() < deadline, "nothing came");
         thread::yield_now();
@@ -322,7 +310,11 @@ fn polled(port: &mut impl Receive) -> u32 {
 
 fn drained(tap: &mut impl Tap) -> Vec<(Lane, u32)> {
     let mut seen = Vec::new();
-    let count = tap.drain(&mut |lane, frame| seen.push((lane, number(frame)))).unwrap();
+    let count = tap.drain(&mut |lane, origin, frame| {
+        assert_eq!(origin, Origin::own());
+        seen.push((lane, number(frame)));
+    });
+    let count = count.unwrap();
     assert_eq!(count, seen.len());
     seen
 }

@@ -28,9 +28,9 @@ fn nothing_stays_in_memory_or_folder_after_a_sweep() {
     let home = Home::new();
     let bus = SharedBus::create(&home.place).unwrap();
     let (mut ccu, answers) = bus.ccu().unwrap();
-    let (card, commands) = bus.card(Address(1)).unwrap();
+    let (card, mut commands) = bus.card(Address(1)).unwrap();
     ccu.send(b"x", Wake::Everyone).unwrap();
-    assert_eq!(commands.receive().unwrap().as_deref(), Some(&b"x"[..]));
+    assert_eq!(all(&mut commands), [b"x"]);
     assert!(!home.in_shared_memory().is_empty() && home.bus_folder().is_dir());
     drop((ccu, answers, card, commands, bus));
     SharedBus::sweep(&home.place).unwrap();
@@ -44,7 +44,7 @@ fn a_sweep_under_a_living_port_spares_the_process() {
     let home = Home::new();
     let bus = SharedBus::create(&home.place).unwrap();
     let (mut ccu, answers) = bus.ccu().unwrap();
-    let (card, commands) = bus.card(Address(1)).unwrap();
+    let (card, mut commands) = bus.card(Address(1)).unwrap();
     SharedBus::sweep(&home.place).unwrap();
     ccu.send(b"x", Wake::Everyone).unwrap();
     while commands.receive().unwrap().is_some() {}
@@ -141,7 +141,7 @@ fn a_killed_card_can_join_again_and_again() {
         if life % 2 == 0 {
             bus.clean_dead();
         }
-        tap.drain(&mut |_, _| ()).unwrap();
+        tap.drain(&mut |_, _, _| ()).unwrap();
     }
 }
 
@@ -191,11 +191,11 @@ fn child_card_that_echoes() {
         return;
     };
     let bus = SharedBus::join(&place).unwrap();
-    let (mut answers, commands) = bus.card(Address(3)).unwrap();
+    let (mut answers, mut commands) = bus.card(Address(3)).unwrap();
     say_ready();
     loop {
         while let Some(command) = commands.receive().unwrap() {
-            answers.send(&command, Wake::Everyone).unwrap();
+            answers.send(&command.bytes, Wake::Everyone).unwrap();
         }
         commands.wait(GENEROUS).unwrap();
     }
@@ -208,7 +208,7 @@ fn child_ccu_that_does_nothing() {
         return;
     };
     let bus = SharedBus::create(&place).unwrap();
-    let (_commands, answers) = bus.ccu().unwrap();
+    let (_commands, mut answers) = bus.ccu().unwrap();
     say_ready();
     loop {
         answers.wait(GENEROUS).unwrap();
@@ -293,14 +293,14 @@ fn say_ready() {
 }
 
 fn all(port: &mut SharedReceive) -> Vec<Vec<u8>> {
-    std::iter::from_fn(|| port.receive().unwrap()).collect()
+    std::iter::from_fn(|| port.receive().unwrap()).map(|frame| frame.bytes).collect()
 }
 
 fn next(port: &mut SharedReceive) -> Vec<u8> {
     let deadline = Instant::now() + GENEROUS;
     loop {
         if let Some(frame) = port.receive().unwrap() {
-            return frame;
+            return frame.bytes;
         }
         assert!(Instant::now() < deadline, "nothing came");
         port.wait(GENEROUS).unwrap();

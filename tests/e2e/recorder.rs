@@ -192,7 +192,7 @@ fn a_killed_recorder_has_lost_the_last_moment_only() {
         let witness = scope.spawn(|| {
             let mut seen: Vec<Frame> = Vec::new();
             while !over.load(Ordering::Acquire) {
-                let mut note = |_, bytes: &[u8]| seen.push(Frame::decode(bytes).expect("a frame"));
+                let mut note = |_, _, bytes: &[u8]| seen.push(Frame::decode(bytes).expect("a frame"));
                 tap.drain(&mut note).expect("the bus");
                 thread::sleep(Duration::from_millis(2));
             }

@@ -119,6 +119,13 @@ fn a_killed_recorder_comes_back_with_another_file() {
     let gone =
         |message: mcap::Message| String::from_utf8_lossy(&message.data).contains("the recorder is gone");
     assert!(messages.any(|message| message.channel.topic == "/events" && gone(message)));
+    // Whoever verifies the first one is told that there is more, which is not verified.
+    let first = cell.ccu(&format!("replay --verify {}", up.log.display()));
+    assert_eq!(first.code(), Some(0), "{first}");
+    assert!(first.complaint().contains("ends in the middle of a record"), "{first}");
+    assert!(first.complaint().contains(&format!("the log goes on in {}", second.display())), "{first}");
+    let result = cell.ccu(&format!("replay --verify --json {}", up.log.display())).json().remove(0);
+    assert_eq!((&result["result"], &result["goes_on_in"]), (&json!("identical"), &json!(second)));
 }
 
 #[test]
@@ -132,4 +139,32 @@ fn without_restarts_who_is_gone_stays_gone() {
     cell.ccu("kill-worker left_y").fails(1, &["the worker of left_y has no process just now"]);
     cell.ccu("kill-worker left_q").fails(2, &["no axis \"left_q\"", "left_y"]);
     let _ = cell.down();
+}
+
+#[test]
+fn processes_come_back_although_the_program_has_been_replaced() {
+    let cell = Cell::new(EXE);
+    let installed = cell.path("installed");
+    fs::copy(EXE, &installed).expect("a copy");
+    let first = cell.with_program(&installed);
+    let up = first.up("20");
+    fs::remove_file(&installed).expect("it is there");
+    fs::write(&installed, "another program").expect("writable");
+    cell.ccu("origin left_x").done();
+    cell.ccu("kill-worker left_y").done();
+    until_back(&cell, "left_y", 1);
+    cell.recorder().signal(Signal::KILL);
+    until_back(&cell, "recorder", 1);
+    cell.ccu("clear").done();
+    cell.ccu("origin left_y").done();
+    // They bear the name of the program, not of the way in which they were started.
+    for process in cell.processes() {
+        let name = fs::read_to_string(format!("/proc/{}/comm", process.pid)).expect("it runs");
+        assert_eq!(name.trim_end(), "ccu", "{process:?}");
+        assert_eq!(process.arguments[0], installed.display().to_string());
+    }
+    let down = cell.ccu("down").good();
+    assert!(down.stdout.contains("cell.2.mcap"), "{down}");
+    cell.assert_nothing_left();
+    assert!(up.log.exists());
 }

@@ -50,6 +50,12 @@ impl Cell {
         Self { exe: self.exe.clone(), dir: Arc::clone(&self.dir), name: name.into() }
     }
 
+    /// The same set, asked by another copy of the program.
+    #[must_use]
+    pub fn with_program(&self, exe: &Path) -> Self {
+        Self { exe: exe.into(), dir: Arc::clone(&self.dir), name: self.name.clone() }
+    }
+
     /// A path in the cell's folder, which is also the working directory and the home of its commands.
     #[must_use]
     pub fn path(&self, name: &str) -> PathBuf {
@@ -221,7 +227,8 @@ fn words(line: &str) -> Vec<&str> {
 }
 
 /// The frames that were sent and those that were logged, as `ccu down` and `ccu run` tell them.
-fn counts(text: &str) -> Option<(u64, u64)> {
+#[must_use]
+pub fn counts(text: &str) -> Option<(u64, u64)> {
     let line = text.lines().find_map(|line| line.strip_prefix("frames: "))?;
     let (sent, logged) = line.strip_suffix(" logged")?.split_once(" sent, ")?;
     Some((sent.parse().ok()?, logged.parse().ok()?))

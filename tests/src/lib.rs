@@ -9,24 +9,30 @@
 //! are is read from `/proc`, so the tests need Linux.
 #![expect(clippy::missing_panics_doc, reason = "a test's tools fail by panicking, all of them")]
 
+mod account;
 mod browser;
 mod cell;
 mod config;
 pub mod http;
 mod process;
+mod program;
 mod ran;
 mod terminal;
+mod vitals;
 
 use std::thread;
 use std::time::{Duration, Instant};
 
+pub use account::Account;
 pub use browser::Browser;
-pub use cell::{Cell, Up};
+pub use cell::{Cell, Up, counts};
 pub use config::{changed, patient};
 pub use process::{Process, Running};
+pub use program::{Program, Programmer};
 pub use ran::Ran;
 pub use rustix::process::Signal;
 pub use terminal::Terminal;
+pub use vitals::Vitals;
 
 /// What only a broken set exceeds.
 pub const LIMIT: Duration = Duration::from_secs(60);

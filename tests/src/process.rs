@@ -49,6 +49,12 @@ impl Process {
     pub fn signal(&self, signal: Signal) {
         send(self.pid, signal);
     }
+
+    /// Sends it a signal, if it still runs; says whether it did.
+    #[must_use]
+    pub fn reaches(&self, signal: Signal) -> bool {
+        pid(self.pid).is_some_and(|pid| kill_process(pid, signal).is_ok())
+    }
 }
 
 /// A command that a test has started, and that has not been waited for yet.
@@ -154,7 +160,11 @@ impl Collector {
     }
 }
 
-fn send(pid: u32, signal: Signal) {
-    let raw = i32::try_from(pid).ok().and_then(Pid::from_raw).expect("a process number");
-    kill_process(raw, signal).unwrap_or_else(|error| panic!("cannot signal process {pid}: {error}"));
+fn pid(number: u32) -> Option<Pid> {
+    i32::try_from(number).ok().and_then(Pid::from_raw)
+}
+
+fn send(number: u32, signal: Signal) {
+    let pid = pid(number).expect("a process number");
+    kill_process(pid, signal).unwrap_or_else(|error| panic!("cannot signal process {number}: {error}"));
 }

@@ -48,6 +48,8 @@ pub struct Firmware {
     base: Option<Position>,
     /// Steps of the last movement.
     steps: Steps,
+    /// Steps of the stages before this one, while the axis searches, and while a search that was stopped comes to a stand.
+    before: Steps,
     /// What the last origination found.
     lost: Option<Deviation>,
     /// Closed loop, if the axis is in it.
@@ -85,6 +87,7 @@ impl Firmware {
             alarm: None,
             base: None,
             steps: Steps(0),
+            before: Steps(0),
             lost: None,
             servo: Servo::new(axis),
             lead: None,
@@ -284,23 +287,19 @@ impl Firmware {
     /// The state that the card reports.
     #[must_use]
     pub fn report(&self, board: &mut Board) -> AxisReport {
-        let made = match &self.state {
-            State::Searching(search, _) => search.made,
-            _ => Steps(0),
-        };
         let (steps, position, pace) = match &self.state {
             State::Standing | State::Armed(_) | State::Settling(_) | State::Zeroing(..) => {
                 (self.steps, self.base, None)
             }
             State::Moving(movement) | State::Searching(_, movement) => {
                 let position = self.base.map(|base| movement.position(base, board));
-                (made + movement.steps(board), position, movement.pace(board))
+                (self.before + movement.steps(board), position, movement.pace(board))
             }
         };
         let (steps, position) = match (&self.servo, &self.state) {
-            (Some(servo), State::Moving(_) | State::Settling(_)) => {
-                servo.measured(board).map_or((steps, position), |(steps, position)| (steps, Some(position)))
-            }
+            (Some(servo), State::Moving(_) | State::Settling(_)) => servo
+                .measured(board)
+                .map_or((steps, position), |(steps, position)| (self.before + steps, Some(position))),
             (Some(servo), State::Standing) => {
                 (steps, servo.measured(board).map_or(position, |(_, position)| Some(position)))
             }
@@ -355,7 +354,7 @@ impl Firmware {
     }
 
     fn begin(&mut self, schedule: Schedule, board: &mut Board, sink: &mut impl Sink) {
-        self.lead = None;
+        (self.lead, self.before) = (None, Steps(0));
         if let Some(servo) = &mut self.servo {
             servo.begin(self.base, board);
         }

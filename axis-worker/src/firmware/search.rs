@@ -62,11 +62,9 @@ pub(super) enum Found {
 pub(super) struct Search {
     pub(super) goal: Goal,
     pub(super) stage: Stage,
-    /// Steps of the movements before this one.
-    pub(super) made: Steps,
     /// Where the card believes to be, if it believed anything when the search began.
     pub(super) believed: Option<Position>,
-    /// Those of them that belong to this stage: a rail may be longer than one movement.
+    /// Steps of the movements before this one that belong to this stage: a rail may be longer than one movement.
     pub(super) of_stage: Steps,
 }
 
@@ -74,7 +72,7 @@ impl Search {
     /// The search for `goal`, from where the detectors say this.
     pub(super) fn new(goal: Goal, detectors: Detectors, believed: Option<Position>) -> Self {
         let stage = if detectors.lower { Stage::Release } else { Stage::Approach };
-        Self { goal, stage, made: Steps(0), believed, of_stage: Steps(0) }
+        Self { goal, stage, believed, of_stage: Steps(0) }
     }
 
     /// How the status names it.

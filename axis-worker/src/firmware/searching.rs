@@ -18,6 +18,7 @@ impl Firmware {
     ) -> Result<(), Refusal> {
         self.standing()?;
         let believed = self.base.take();
+        self.steps = Steps(0);
         if let Some(servo) = &mut self.servo {
             servo.forget();
         }
@@ -26,7 +27,7 @@ impl Firmware {
     }
 
     pub(super) fn begin_stage(&mut self, search: Search, board: &mut Board, sink: &mut impl Sink) {
-        self.lead = None;
+        (self.lead, self.before) = (None, self.steps);
         if let Some((direction, plan)) = self.bounds.plan(search.stage, search.of_stage, &self.table) {
             self.state =
                 State::Searching(search, Movement::begin(Schedule::alone(plan, direction), board, sink));
@@ -56,9 +57,9 @@ impl Firmware {
     ) {
         let detectors = board.detectors();
         self.stand(board);
-        let made = self.steps - search.made;
+        let made = self.steps - self.before;
         let believed = search.believed.map(|believed| believed.moved(direction, made));
-        let next = |stage| Search { stage, made: self.steps, believed, of_stage: Steps(0), ..search };
+        let next = |stage| Search { stage, believed, of_stage: Steps(0), ..search };
         match search.stage {
             Stage::Overshoot if detectors.lower => {
                 // The switch closed somewhere in this movement: `of_stage` was the count then.

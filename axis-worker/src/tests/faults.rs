@@ -298,3 +298,37 @@ fn a_first_search_in_closed_loop_can_be_stopped_at_any_moment() {
         }
     }
 }
+
+#[test]
+fn a_search_that_is_stopped_tells_the_steps_of_all_its_stages() {
+    let whole = |operation| {
+        let mut rig = rig(|_| {});
+        rig.command(operation).expect("nothing forbids it");
+        rig.settle();
+        rig.card.now()
+    };
+    for (operation, stop) in
+        [(Operation::Originate, Operation::Halt), (Operation::SeekReference, Operation::Brake)]
+    {
+        let whole = whole(operation);
+        let mut most = 0;
+        for part in 1..=40 {
+            for rig in [&mut rig(|_| {}), &mut rig(closed(200))] {
+                rig.command(operation).expect("nothing forbids it");
+                rig.wait(whole.0 * part / 40);
+                let before = rig.report().steps;
+                assert_eq!(before.0 as usize, rig.record.pulses.len(), "{operation:?}, {part}/40 of it");
+                rig.command(stop).expect("always");
+                let report = rig.settle();
+                let told = (report.activity, report.steps.0 as usize);
+                assert_eq!(
+                    told,
+                    (Activity::Standing, rig.record.pulses.len()),
+                    "{operation:?}, {part}/40 of it"
+                );
+                most = most.max(told.1);
+            }
+        }
+        assert!(most > 3_000, "the way to the switch and the stages after it: {most}");
+    }
+}

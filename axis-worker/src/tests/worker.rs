@@ -1,6 +1,6 @@
-//! A worker that fails while its axis moves.
+//! A worker that fails while its axis moves, and one that is commanded by somebody who is not the CCU.
 
-use supersigma_protocol::bus::in_process::InProcessBus;
+use supersigma_protocol::bus::in_process::{InProcessBus, InProcessReceive, InProcessTransmit};
 use supersigma_protocol::{
     Activity, AxisNumber, AxisReport, Broadcast, Command, Direction, Distance, Operation, Position, Steps,
 };
@@ -40,11 +40,21 @@ fn at_speed<T: Transmit>(transmit: T) -> Worker<T, impl Receive> {
     let speaks = card.speak(Occasion::Heartbeat).report;
     assert!(matches!(speaks, Report::Axis(AxisReport { activity: Activity::Cruising, .. })), "{speaks:?}");
     let (_, receive) = InProcessBus::new().card(card.address()).expect("a port");
-    let look = Look::new(Duration::ZERO);
     let now = Monotonic::now().as_nanos();
     let clock = Clock::new(Monotonic::from_nanos(now - card.now().0 * 500), TimeScale::REAL);
     let (heartbeat, sequence) = (Ticks(100_000), Sequence(0));
-    Worker { card, clock, transmit, receive, look, heartbeat, sequence, said: Vec::new(), alarm: None }
+    Worker {
+        card,
+        clock,
+        transmit,
+        receive,
+        ccu: Origin::own(),
+        strangers: Strangers::default(),
+        heartbeat,
+        sequence,
+        said: Vec::new(),
+        alarm: None,
+    }
 }
 
 fn has_braked<T: Transmit, R: Receive>(worker: &mut Worker<T, R>) {
@@ -75,4 +85,47 @@ fn a_worker_whose_bus_fails_brakes_first() {
     let error = worker.guard(|_| Err(broken().into())).expect_err("it ends with what went wrong");
     assert_eq!(error.to_string(), broken().to_string());
     has_braked(&mut worker);
+}
+
+#[test]
+fn a_worker_obeys_its_ccu_alone() {
+    let bus = InProcessBus::new();
+    let (mut commands, _answers) = bus.ccu().expect("a port");
+    let (transmit, receive) = bus.card(Address(1)).expect("a port");
+    let worker = at_speed(transmit);
+    let activity = |worker: &mut Worker<InProcessTransmit, InProcessReceive>| match worker
+        .card
+        .speak(Occasion::Heartbeat)
+        .report
+    {
+        Report::Axis(report) => report.activity,
+        Report::Digital(_) => panic!("an axis"),
+    };
+    let mut worker = Worker {
+        receive,
+        ccu: Origin(Origin::own().0 + 1),
+        card: worker.card,
+        clock: worker.clock,
+        transmit: worker.transmit,
+        strangers: Strangers::default(),
+        heartbeat: worker.heartbeat,
+        sequence: worker.sequence,
+        said: Vec::new(),
+        alarm: None,
+    };
+    let mut brake = |number| {
+        let body = Body::Command(Command::new(Address(1), Operation::Brake).into());
+        let frame = Frame { sender: Sender::Ccu, sequence: Sequence(number), tick: Tick(0), body };
+        commands.send(&frame.encode(), Wake::Everyone).expect("it may");
+    };
+    // More than are heard at once, so that there is more to hear.
+    (2..2 + AT_ONCE as u64).for_each(&mut brake);
+    assert!(worker.catch_up().expect("the bus works"));
+    assert!(!worker.catch_up().expect("the bus works"));
+    assert_eq!(activity(&mut worker), Activity::Cruising);
+    // The same words of the CCU's.
+    worker.ccu = Origin::own();
+    brake(2);
+    worker.catch_up().expect("the bus works");
+    assert_eq!(activity(&mut worker), Activity::Braking);
 }

@@ -322,6 +322,7 @@ struct StartArgs {
 /// Runs the command that was typed.
 #[must_use]
 pub fn main() -> ExitCode {
+    crate::program::take_name();
     let parsed = Cli::command()
         .try_get_matches()
         .and_then(|matches| Ok((asks_for_json(&matches), Cli::from_arg_matches(&matches)?)));

@@ -4,7 +4,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufRead, BufReader, Write};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::PathBuf;
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 use std::str::FromStr;
 
 use clap::Args;
@@ -17,6 +17,7 @@ use super::{SetArgs, StartArgs, config, service, show};
 use crate::control::{Client, DownReport};
 use crate::daemon::{Daemon, Options, StartError};
 use crate::home::{Home, HomeError, SetName, default_log};
+use crate::program;
 
 /// What a detached daemon prints when it is up.
 const READY: &str = "ready";
@@ -184,7 +185,7 @@ fn detach(home: &Home) -> Result<(), Exit> {
     let arguments = std::env::args_os()
         .skip(1)
         .map(|argument| if argument == "--detach" { "--detached".into() } else { argument });
-    let mut child = Command::new(std::env::current_exe()?)
+    let mut child = program::again()
         .args(arguments)
         // A service's main process is the one in the foreground; what leaves it speaks for nobody.
         .env_remove("NOTIFY_SOCKET")

@@ -15,6 +15,7 @@ use supersigma_protocol::Address;
 use super::StartError;
 use super::exchange::Exchange;
 use super::foxglove::ViewAddress;
+use super::members::Members;
 use super::process::Process;
 use super::recorder::{Cause, Said};
 use crate::home::Home;
@@ -40,6 +41,8 @@ pub(super) struct Births {
     /// The wall time of tick 0.
     pub(super) wall_epoch: WallTime,
     pub(super) exchange: Arc<Exchange>,
+    /// Those that play a card.
+    pub(super) members: Members,
     /// Once set, processes end because they shall.
     pub(super) leaving: Arc<Leaving>,
     /// Whether the set was started for a program.
@@ -52,6 +55,7 @@ impl Births {
         let mut option = |name: &str, value: OsString| arguments.extend([name.into(), value]);
         option("--runtime", self.home.folder().into());
         option("--config", self.home.config().into());
+        option("--ccu", std::process::id().to_string().into());
         option("--epoch", self.clock.epoch().as_nanos().to_string().into());
         option("--time-scale", self.clock.scale().to_string().into());
         arguments
@@ -68,7 +72,7 @@ impl Births {
     ) -> io::Result<Process> {
         let mut arguments = self.common("axis-worker");
         arguments.extend(["--card".into(), card.0.to_string().into()]);
-        Process::start(arguments, ended)
+        self.members.admit(card, || Process::start(arguments, ended), Process::pid)
     }
 
     /// The arguments of processes that hear everything.

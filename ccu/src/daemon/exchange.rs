@@ -1,6 +1,5 @@
 //! The CCU's end of the bus: one thread that hears everything, and what it knows of the cards. Whoever waits for something
-//! subscribes; whoever commands goes through the one sending half. Whoever waits for the answer to a command may look for it
-//! on the bus himself, which saves him being woken by the thread. No process is started in here.
+//! subscribes; whoever commands goes through the one sending half. No process is started in here.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -10,7 +9,7 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use axis_worker::clock::Clock;
-use supersigma_protocol::bus::{BusError, Lane, Look, Receive, Transmit, Wake, Waker};
+use supersigma_protocol::bus::{BusError, Lane, Receive, Received, Strangers, Transmit, Wake, Waker};
 use supersigma_protocol::{
     About, Activity, Address, Answer, AxisNumber, Body, Broadcast, CardKind, Command, Fault, Frame, Occasion,
     Operation, Report, Sender, Sequence, Tick, Ticks,
@@ -18,10 +17,15 @@ use supersigma_protocol::{
 use tokio::sync::broadcast;
 
 use super::feed::{Feed, Overheard};
+use super::members::Members;
 use crate::executive::{Common, Failure, Heard, Knowledge, Link, LogTrouble};
 
-/// How often the thread looks for what nobody woke it for: heartbeats.
+/// How often the thread looks for what nobody woke it for, while somebody wants to see it: the way of axes that move.
 const LOOK: Duration = Duration::from_millis(50);
+/// So many frames are taken at once, before silence is looked for.
+const AT_ONCE: usize = 1_024;
+/// So many times more may have to be taken at the end; a stranger may not hold it up.
+const LAST_LOOKS: usize = 64;
 
 /// What is known of one card's process.
 #[derive(Debug, Clone)]
@@ -30,8 +34,8 @@ pub(super) struct CardLife {
     pub(super) alive: bool,
     /// What it said last.
     pub(super) report: Report,
-    /// When it was last heard.
-    heard: Instant,
+    /// When it last spoke, by its own account.
+    spoke: Tick,
     /// The number that its next frame must have.
     expected: Sequence,
 }
@@ -52,9 +56,8 @@ pub(super) struct Exchange {
     knowledge: Arc<Knowledge>,
     common: Arc<Common>,
     clock: Clock,
+    members: Members,
     port: Mutex<Port>,
-    /// Who holds it, takes frames from the bus, and keeps their order. `None` once the exchange has stopped.
-    ears: Mutex<Option<Ears>>,
     state: Mutex<State>,
     feed: Feed,
     over: AtomicBool,
@@ -65,11 +68,6 @@ pub(super) struct Exchange {
 struct Port {
     ends: Option<(Box<dyn Transmit>, Waker)>,
     sequence: Sequence,
-}
-
-struct Ears {
-    receive: Arc<dyn Receive>,
-    look: Look,
 }
 
 #[derive(Default)]
@@ -93,32 +91,28 @@ impl Exchange {
     pub(super) fn start(
         knowledge: Arc<Knowledge>,
         clock: Clock,
+        members: Members,
         transmit: impl Transmit + 'static,
         receive: impl Receive + 'static,
     ) -> Result<(Arc<Self>, JoinHandle<()>), BusError> {
-        let receive: Arc<dyn Receive> = Arc::new(receive);
-        let look = Look::new(Duration::from_micros(knowledge.config.bus.look_us.into()));
         let exchange = Arc::new(Self {
             knowledge,
             common: Arc::default(),
             clock,
+            members,
             port: Mutex::new(Port {
                 ends: Some((Box::new(transmit), receive.waker())),
                 sequence: Sequence(0),
             }),
-            ears: Mutex::new(Some(Ears { receive: Arc::clone(&receive), look })),
             state: Mutex::default(),
             feed: Feed::default(),
             over: AtomicBool::new(false),
         });
         let listening = Arc::clone(&exchange);
-        let thread = thread::Builder::new()
-            .name("exchange".into())
-            .spawn(move || listening.listen(&*receive))
-            .map_err(|error| BusError::Open {
-                what: "start the exchange's thread",
-                reason: error.to_string(),
-            })?;
+        let thread =
+            thread::Builder::new().name("exchange".into()).spawn(move || listening.listen(receive)).map_err(
+                |error| BusError::Open { what: "start the exchange's thread", reason: error.to_string() },
+            )?;
         Ok((exchange, thread))
     }
 
@@ -132,7 +126,7 @@ impl Exchange {
 
     /// A link for one executive. It hears everything from now on, until `cancelled` is set.
     pub(super) fn link(self: &Arc<Self>, cancelled: Arc<AtomicBool>) -> LiveLink {
-        LiveLink { heard: self.subscribe(), exchange: Arc::clone(self), cancelled, awaited: 0 }
+        LiveLink { heard: self.subscribe(), exchange: Arc::clone(self), cancelled }
     }
 
     /// Everything that is heard from now on.
@@ -249,62 +243,77 @@ impl Exchange {
         state.tell(&Heard::GoingDown);
     }
 
-    fn listen(&self, receive: &dyn Receive) {
+    fn listen(&self, mut receive: impl Receive) {
+        let (mut strangers, mut more) = (Strangers::default(), false);
         while !self.over.load(Ordering::Acquire) {
-            let heard = receive.wait(LOOK).and_then(|()| {
-                let _ears = self.ears();
-                self.drain(receive)
-            });
-            if let Err(error) = heard {
-                tracing::error!(%error, "the CCU does not hear any more");
-                self.going_down();
-                return;
+            let waited = if more { Ok(()) } else { receive.wait(self.patience()) };
+            match waited.and_then(|()| self.drain(&mut receive, &mut strangers)) {
+                Ok(there_is_more) => more = there_is_more,
+                Err(error) => {
+                    tracing::error!(%error, "the CCU does not hear any more");
+                    self.going_down();
+                    return;
+                }
             }
             self.look_for_silence();
         }
-        if let Some(ears) = self.ears().take()
-            && let Err(error) = self.drain(&*ears.receive)
-        {
-            tracing::error!(%error, "the last frames could not be heard");
+        for _ in 0..LAST_LOOKS {
+            match self.drain(&mut receive, &mut strangers) {
+                Ok(true) => {}
+                Ok(false) => break,
+                Err(error) => {
+                    tracing::error!(%error, "the last frames could not be heard");
+                    break;
+                }
+            }
         }
         self.feed.end();
     }
 
-    /// Looks for the answer to a command that was sent just now; whether something has come. If somebody else takes frames at the
-    /// moment, he tells of them.
-    fn look_for_answer(&self) -> Result<bool, BusError> {
-        let Ok(mut ears) = self.ears.try_lock() else { return Ok(false) };
-        if let Some(Ears { receive, look }) = &mut *ears
-            && look.for_answer(&**receive)?
+    /// Takes what is on the bus; says whether there may be more.
+    fn drain(&self, receive: &mut impl Receive, strangers: &mut Strangers) -> Result<bool, BusError> {
+        let mut taken = 0;
+        while taken < AT_ONCE
+            && let Some(received) = receive.receive()?
         {
-            self.drain(&**receive)?;
-            return Ok(true);
+            taken += 1;
+            self.hear(&received, strangers);
         }
-        Ok(false)
+        for stranger in strangers.news(Instant::now()) {
+            tracing::error!(
+                frames = stranger.frames,
+                "{stranger} is no part of the set and speaks on its bus; nobody listens to it"
+            );
+        }
+        Ok(taken == AT_ONCE)
     }
 
-    fn drain(&self, receive: &dyn Receive) -> Result<(), BusError> {
-        while let Some(bytes) = receive.receive()? {
-            self.feed.tell(Lane::Answers, &bytes);
-            match Frame::decode(&bytes) {
-                Ok(Frame { sender: Sender::Card(card), sequence, body: Body::Answer(answer), .. }) => {
-                    self.take(card, sequence, answer);
-                }
-                Ok(frame) => tracing::warn!(sender = %frame.sender, "a command on the answers' service"),
-                Err(error) => tracing::warn!(%error, "what the bus brought is not a frame"),
+    fn hear(&self, Received { origin, bytes }: &Received, strangers: &mut Strangers) {
+        let Some(plays) = self.members.card_of(*origin) else {
+            strangers.note(*origin);
+            return;
+        };
+        self.feed.tell(Lane::Answers, bytes);
+        match Frame::decode(bytes) {
+            Ok(Frame { sender: Sender::Card(card), sequence, tick, body: Body::Answer(answer) })
+                if card == plays =>
+            {
+                // No clock is ahead of this one: they are one.
+                let spoke = tick.min(self.clock.now());
+                self.take(card, sequence, spoke, answer);
             }
+            Ok(frame) => tracing::warn!(sender = %frame.sender, %plays, "a card says what is not its own"),
+            Err(error) => tracing::warn!(%error, %plays, "what the bus brought is not a frame"),
         }
-        Ok(())
     }
 
-    fn take(&self, sender: Address, sequence: Sequence, answer: Answer) {
+    fn take(&self, sender: Address, sequence: Sequence, spoke: Tick, answer: Answer) {
         let lost = {
             let mut state = self.state();
             state.counts.answers += 1;
             let alive = answer.about != About::Unasked(Occasion::Leaving) && !state.ended.contains(&sender);
             let expected = state.cards.get(&sender).map(|life| life.expected);
-            let life =
-                CardLife { alive, report: answer.report, heard: Instant::now(), expected: sequence.next() };
+            let life = CardLife { alive, report: answer.report, spoke, expected: sequence.next() };
             state.cards.insert(sender, life);
             if let Report::Digital(word) = answer.report {
                 state.words.insert(answer.card, word);
@@ -329,13 +338,34 @@ impl Exchange {
         }
     }
 
-    /// A card that has not been heard for too long hangs; the others must not run on.
+    /// How long the thread may sleep. What matters wakes it; heartbeats wait on the bus until a card could have been silent
+    /// for too long.
+    fn patience(&self) -> Duration {
+        let state = self.state();
+        let rests = |life: &CardLife| {
+            let moves = matches!(life.report, Report::Axis(axis) if axis.activity != Activity::Standing);
+            life.alive && !moves
+        };
+        if self.feed.is_watched() || !state.cards.values().all(rests) {
+            return LOOK;
+        }
+        let first = state.cards.values().map(|life| life.spoke).min();
+        first.map_or(LOOK, |spoke| self.clock.until(spoke + self.silence()))
+    }
+
+    /// The machine time after which a card that says nothing hangs.
+    fn silence(&self) -> Ticks {
+        let real = Duration::from_millis(self.knowledge.config.supervision.silent_ms.into());
+        self.clock.scale().ticks(real)
+    }
+
+    /// A card that has said nothing for too long hangs; the others must not run on.
     fn look_for_silence(&self) {
-        let limit = Duration::from_millis(self.knowledge.config.supervision.silent_ms.into());
+        let (now, limit) = (self.clock.now(), self.silence());
         let hung: Vec<Address> = {
             let mut state = self.state();
             let silent =
-                state.cards.iter_mut().filter(|(_, life)| life.alive && life.heard.elapsed() > limit);
+                state.cards.iter_mut().filter(|(_, life)| life.alive && now.since(life.spoke) >= limit);
             silent
                 .map(|(card, life)| {
                     life.alive = false;
@@ -344,7 +374,8 @@ impl Exchange {
                 .collect()
         };
         for card in hung {
-            tracing::error!(%card, limit_ms = limit.as_millis(), "the card is silent; all axes brake");
+            let limit_ms = self.knowledge.config.supervision.silent_ms;
+            tracing::error!(%card, limit_ms, "the card is silent; all axes brake");
             self.card_gone(card);
         }
     }
@@ -352,10 +383,6 @@ impl Exchange {
     fn state(&self) -> MutexGuard<'_, State> {
         // What is in there is whole after every statement, even if a thread has panicked while it held the lock.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn ears(&self) -> MutexGuard<'_, Option<Ears>> {
-        self.ears.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn port(&self) -> MutexGuard<'_, Port> {
@@ -374,19 +401,9 @@ pub struct LiveLink {
     exchange: Arc<Exchange>,
     heard: Receiver<Heard>,
     cancelled: Arc<AtomicBool>,
-    /// So many answers must come at any moment.
-    awaited: usize,
 }
 
 impl LiveLink {
-    /// Takes note of what is heard.
-    fn note(&mut self, heard: Heard) -> Heard {
-        if matches!(heard, Heard::Answer(Answer { about: About::Command(..), .. })) {
-            self.awaited = self.awaited.saturating_sub(1);
-        }
-        heard
-    }
-
     /// Moves need a log and living cards; stopping and asking do not.
     fn check(&self, broadcast: &Broadcast) -> Result<(), Failure> {
         let Ok(command) = Command::decode(broadcast.bytes.as_slice()) else {
@@ -429,9 +446,9 @@ impl Link for LiveLink {
     }
 
     fn activity(&self, axis: AxisNumber) -> Option<Activity> {
-        match self.exchange.state().cards.get(&axis.address())?.report {
-            Report::Axis(report) => Some(report.activity),
-            Report::Digital(_) => None,
+        match self.exchange.state().cards.get(&axis.address())? {
+            CardLife { alive: true, report: Report::Axis(report), .. } => Some(report.activity),
+            _ => None,
         }
     }
 
@@ -441,9 +458,7 @@ impl Link for LiveLink {
 
     fn send(&mut self, broadcast: Broadcast) -> Result<Sequence, Failure> {
         self.check(&broadcast)?;
-        let sent = self.exchange.send(broadcast).map_err(bus_gone)?;
-        self.awaited += 1;
-        Ok(sent)
+        self.exchange.send(broadcast).map_err(|error| Failure::BusGone { reason: error.to_string() })
     }
 
     fn inject(&mut self, axis: AxisNumber, fault: Fault) -> Result<Sequence, Failure> {
@@ -452,7 +467,7 @@ impl Link for LiveLink {
             return Err(Failure::WorkerGone { card });
         }
         let sent = self.exchange.put(Body::Fault(axis, fault), Wake::Card(card));
-        sent.map_err(bus_gone)
+        sent.map_err(|error| Failure::BusGone { reason: error.to_string() })
     }
 
     fn hear(&mut self, until: Tick) -> Result<Option<Heard>, Failure> {
@@ -461,17 +476,8 @@ impl Link for LiveLink {
                 return Err(Failure::Cancelled);
             }
             let left = self.exchange.clock.until(until);
-            if self.awaited > 0 && !left.is_zero() {
-                if let Ok(heard) = self.heard.try_recv() {
-                    return Ok(Some(self.note(heard)));
-                }
-                if self.exchange.look_for_answer().map_err(bus_gone)? {
-                    continue;
-                }
-                self.awaited = 0;
-            }
             match self.heard.recv_timeout(left.min(LOOK)) {
-                Ok(heard) => return Ok(Some(self.note(heard))),
+                Ok(heard) => return Ok(Some(heard)),
                 Err(RecvTimeoutError::Timeout) if left <= LOOK => return Ok(None),
                 // It may have been told, and forgotten, just before the request began.
                 Err(RecvTimeoutError::Timeout) if self.exchange.state().going_down => {
@@ -482,9 +488,4 @@ impl Link for LiveLink {
             }
         }
     }
-}
-
-#[expect(clippy::needless_pass_by_value, reason = "it stands where errors are mapped")]
-fn bus_gone(error: BusError) -> Failure {
-    Failure::BusGone { reason: error.to_string() }
 }

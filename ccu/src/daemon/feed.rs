@@ -38,6 +38,11 @@ impl Feed {
         }
     }
 
+    /// Whether anybody watches.
+    pub(super) fn is_watched(&self) -> bool {
+        self.lock().as_ref().is_some_and(|ring| ring.receiver_count() > 0)
+    }
+
     /// Nothing comes any more; watchers read what is in the ring, and then its end.
     pub(super) fn end(&self) {
         self.lock().take();
@@ -58,7 +63,9 @@ mod tests {
     fn who_is_too_slow_misses_frames_and_is_told_how_many() {
         let feed = Feed::default();
         feed.tell(Lane::Commands, b"nobody");
+        assert!(!feed.is_watched());
         let mut slow = feed.subscribe().expect("a set that is up");
+        assert!(feed.is_watched());
         for number in 0..FRAMES + 100 {
             feed.tell(Lane::Answers, &number.to_be_bytes());
         }
@@ -70,6 +77,6 @@ mod tests {
         let rest = std::iter::from_fn(|| slow.try_recv().ok()).count();
         assert_eq!(rest, FRAMES - 1);
         assert_eq!(slow.try_recv(), Err(TryRecvError::Closed));
-        assert!(feed.subscribe().is_none());
+        assert!(feed.subscribe().is_none() && !feed.is_watched());
     }
 }

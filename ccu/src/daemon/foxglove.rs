@@ -88,7 +88,7 @@ mod server {
         ChannelBuilder, Context, FoxgloveError, PartialMetadata, RawChannel, Schema, WebSocketServer,
     };
     use miette::{IntoDiagnostic, WrapErr};
-    use supersigma_protocol::bus::{Bus, Tap};
+    use supersigma_protocol::bus::Tap;
 
     use super::super::lifeline::Lifeline;
     use super::ViewArgs;
@@ -104,7 +104,7 @@ mod server {
     pub fn serve(args: &ViewArgs) -> miette::Result<()> {
         let (_, header) = args.listener.read(None)?;
         let bus = args.listener.bus()?;
-        let mut tap = bus.tap().into_diagnostic()?;
+        let mut tap = args.listener.tap(&bus)?;
         let clock = args.listener.clock();
         let lifeline = Lifeline::watch(clock).into_diagnostic()?;
 
@@ -125,11 +125,11 @@ mod server {
             // While nobody looks, nothing is made ready; who comes begins with what the axes say next.
             if server.client_count() == 0 {
                 view = None;
-                tap.drain(&mut |_, _| {}).into_diagnostic()?;
+                tap.drain(&mut |_, _, _| {}).into_diagnostic()?;
                 lifeline.events.try_iter().for_each(drop);
             } else {
                 let view = view.get_or_insert_with(|| LiveView::new(&header));
-                tap.drain(&mut |_, bytes| view.record(bytes, clock.now())).into_diagnostic()?;
+                tap.drain(&mut |_, _, bytes| view.record(bytes, clock.now())).into_diagnostic()?;
                 for (at, event) in lifeline.events.try_iter() {
                     view.note(at, event, clock.now());
                 }
@@ -171,9 +171,9 @@ mod server {
             }
         }
 
-        fn send(&mut self, time: WallTime, message: &Message) {
+        fn send(&mut self, time: WallTime, message: Message<'_>) {
             match self.of(message.topic) {
-                Ok(channel) => channel.log_with_meta(&message.data, PartialMetadata::with_log_time(time.0)),
+                Ok(channel) => channel.log_with_meta(message.data, PartialMetadata::with_log_time(time.0)),
                 Err(error) => tracing::warn!(%error, "a channel cannot be opened"),
             }
         }

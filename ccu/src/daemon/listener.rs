@@ -8,8 +8,11 @@ use axis_worker::clock::{Clock, Monotonic, TimeScale};
 use clap::Args;
 use miette::{IntoDiagnostic, WrapErr};
 use supersigma_config::Config;
-use supersigma_protocol::bus::shared_memory::{Place, SharedBus};
+use supersigma_protocol::bus::shared_memory::{Place, SharedBus, SharedTap};
+use supersigma_protocol::bus::{Bus, Origin};
 
+use super::members_tap::MembersTap;
+use crate::home::members_in;
 use crate::log::{AxisNames, LogHeader, Timeline, WallTime};
 
 /// What a listener is told by the daemon.
@@ -24,6 +27,9 @@ pub struct ListenerArgs {
     /// The set's configuration
     #[arg(long, value_name = "FILE")]
     pub config: PathBuf,
+    /// The CCU's process; nobody else is believed to command
+    #[arg(long, value_name = "PID")]
+    pub ccu: u32,
     /// The set's tick 0, in nanoseconds of the machine's monotonic clock
     #[arg(long, value_name = "NS")]
     pub epoch: u64,
@@ -62,6 +68,15 @@ impl ListenerArgs {
     /// If it cannot be joined.
     pub(super) fn bus(&self) -> miette::Result<SharedBus> {
         SharedBus::join(&Place::new(&self.runtime).into_diagnostic()?).into_diagnostic()
+    }
+
+    /// What the set's own processes say on its bus.
+    ///
+    /// # Errors
+    /// If the bus has no room for it.
+    pub(super) fn tap(&self, bus: &SharedBus) -> miette::Result<MembersTap<SharedTap>> {
+        let tap = bus.tap().into_diagnostic()?;
+        Ok(MembersTap::new(tap, Origin(self.ccu), members_in(&self.runtime)))
     }
 
     /// The set's time.

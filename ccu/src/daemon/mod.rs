@@ -18,6 +18,8 @@ pub mod foxglove;
 mod keeper;
 mod lifeline;
 pub mod listener;
+mod members;
+mod members_tap;
 mod process;
 pub mod recorder;
 mod recording;
@@ -48,6 +50,7 @@ use self::exchange::Exchange;
 pub use self::exchange::LiveLink;
 use self::foxglove::ViewAddress;
 use self::keeper::Keeper;
+use self::members::Members;
 use self::process::Process;
 use self::recording::Recording;
 use self::scribe::Scribe;
@@ -91,7 +94,7 @@ pub enum StartError {
     Ramp(#[from] RampError),
     /// The bus.
     #[error(transparent)]
-    #[diagnostic(help("is there room in /dev/shm, and may we write there?"))]
+    #[diagnostic(help("{}", advice(.0)))]
     Bus(#[from] BusError),
     /// The log is there already.
     #[error("the log {} exists already", .0.display())]
@@ -128,6 +131,16 @@ pub enum StartError {
     #[error("the worker of {0} did not come to life")]
     #[diagnostic(help("what it said stands above"))]
     NoWorker(Address),
+}
+
+fn advice(error: &BusError) -> &'static str {
+    match error {
+        BusError::NoRoom { .. } => {
+            "look with `df -h /dev/shm` and `df -i /dev/shm`; remove what is not needed there, or make it larger: \
+             `mount -o remount,size=256M /dev/shm`, in a container `--shm-size=256m`"
+        }
+        _ => "is there room in /dev/shm, and may we write there?",
+    }
 }
 
 /// A live view that is being served.
@@ -177,13 +190,16 @@ impl Daemon {
         let bus = SharedBus::create(&place)?;
         let clock = Clock::new(Monotonic::now(), scale);
         let (transmit, receive) = bus.ccu()?;
-        let (exchange, listening) = Exchange::start(Arc::clone(&knowledge), clock, transmit, receive)?;
+        let members = Members::new(home.members());
+        let (exchange, listening) =
+            Exchange::start(Arc::clone(&knowledge), clock, members.clone(), transmit, receive)?;
         let leaving = Arc::new(Leaving::default());
         let births = Births {
             home: home.clone(),
             clock,
             wall_epoch: WallTime::now(),
             exchange: Arc::clone(&exchange),
+            members,
             leaving: Arc::clone(&leaving),
             script: script.is_some(),
         };

@@ -4,7 +4,7 @@
 use std::ffi::OsString;
 use std::io::{self, BufRead, BufReader, Write};
 use std::os::unix::process::CommandExt;
-use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
+use std::process::{Child, ChildStdin, ExitStatus, Stdio};
 use std::sync::mpsc::{self, Receiver};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread;
@@ -13,7 +13,7 @@ use std::time::Duration;
 use axis_worker::clock::Monotonic;
 use rustix::process::{Pid, Signal, kill_process};
 
-use crate::notices;
+use crate::{notices, program};
 
 /// A child process. Its standard input is its lifeline, its standard output comes here line by line.
 #[derive(Debug)]
@@ -43,7 +43,7 @@ impl Process {
         arguments: impl IntoIterator<Item = OsString>,
         ended: impl FnOnce(ExitStatus) + Send + 'static,
     ) -> io::Result<Self> {
-        let mut child = Command::new(std::env::current_exe()?)
+        let mut child = program::again()
             .args(arguments)
             .process_group(0)
             .stdin(Stdio::piped())

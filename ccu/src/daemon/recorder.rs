@@ -12,7 +12,6 @@ use clap::Args;
 use miette::{IntoDiagnostic, WrapErr, miette};
 use rustix::process::Signal;
 use serde::{Deserialize, Serialize};
-use supersigma_protocol::bus::Bus;
 use tokio::signal::unix::{SignalKind, signal};
 
 use super::lifeline::Lifeline;
@@ -88,7 +87,7 @@ pub fn record(args: &RecorderArgs) -> miette::Result<bool> {
         Err(error) => return mouth.fail(&error, trouble_at_start(&error)),
     };
     let bus = args.listener.bus()?;
-    let tap = bus.tap().into_diagnostic()?;
+    let tap = args.listener.tap(&bus)?;
     let clock = args.listener.clock();
     let lifeline = Lifeline::watch(clock).into_diagnostic()?;
     mouth.say(Said::Ready);

@@ -100,7 +100,7 @@ impl<L: Link> Executive<L> {
         self.tell(axes, Operation::Clear)
     }
 
-    /// Stops axes, and whoever is on a line with them: those at one tick, so that they stay on it. Returns when all stand.
+    /// Stops axes, and whoever moves on a line with them: those at one tick, so that they stay on it. Returns when all stand.
     pub(super) fn stop(&mut self, axes: &[AxisNumber], operation: Operation) -> Result<Outcome, Failure> {
         let knowledge = self.link.knowledge();
         let named = knowledge.axes(axes)?;
@@ -108,7 +108,7 @@ impl<L: Link> Executive<L> {
         let at = self.link.now() + self.link.ticks(lead / 2);
         let common = self.link.common();
         let (mut told, mut gone) = (Vec::new(), Vec::new());
-        for line in named.into_iter().map(|axis| common.line_of(axis)) {
+        for line in named.into_iter().map(|axis| self.moving_together(axis)).collect::<Vec<_>>() {
             let alone = line.len() == 1;
             for axis in line {
                 if told.contains(&axis) {
@@ -135,6 +135,15 @@ impl<L: Link> Executive<L> {
             self.leave_rest(&request)?;
         }
         Ok(Outcome::Axes(states))
+    }
+
+    /// The axes that move on a line with `axis`, this one among them. A line that has ended holds nobody together.
+    fn moving_together(&self, axis: AxisNumber) -> Vec<AxisNumber> {
+        let line = self.link.common().line_of(axis);
+        let moves = |axis: &AxisNumber| {
+            self.link.activity(*axis).is_some_and(|activity| activity != Activity::Standing)
+        };
+        if line.iter().any(moves) { line } else { vec![axis] }
     }
 
     /// Keeps what is left of a movement that has been halted, if anything is.

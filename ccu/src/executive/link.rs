@@ -141,7 +141,7 @@ pub trait Link {
     /// If the bus fails, or whoever asked does not want it any more.
     fn hear(&mut self, until: Tick) -> Result<Option<Heard>, Failure>;
 
-    /// What an axis is doing, as far as it is known here.
+    /// What an axis is doing, as far as it is known here; `None` if nobody plays its card.
     fn activity(&self, axis: AxisNumber) -> Option<Activity> {
         let _ = axis;
         None

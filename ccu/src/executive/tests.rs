@@ -223,3 +223,38 @@ fn what_begins_while_its_client_goes_away_is_halted() {
         }
     }
 }
+
+/// What two axes do once axis 1 has been braked at `after` of a line.
+fn braked_on_a_line(after: Option<Ticks>) -> [(Option<Alarm>, Result<Outcome, Failure>); 2] {
+    let knowledge = Knowledge::new(Config::default_set()).expect("good ramps");
+    let mut executive = Executive::new(DrySet::new(knowledge, NoPulses, None).expect("a good set"));
+    let axes = [axis(1), axis(2)];
+    executive.operate(Request::Originate { axes: axes.to_vec() }).expect("nothing forbids it");
+    let parts = vec![(axis(1), Displacement(5_000)), (axis(2), Displacement(3_000))];
+    executive.operate(Request::Line { parts, speed: None, wait: after.is_none() }).expect("both are ready");
+    if let Some(ticks) = after {
+        executive.operate(Request::Wait { ticks }).expect("time passes");
+    }
+    executive.operate(Request::Brake { axes: vec![axis(1)] }).expect("it stands in the end");
+    axes.map(|axis| {
+        let Ok(Outcome::Axes(states)) = executive.operate(Request::Status { axes: vec![axis] }) else {
+            panic!("the card answers");
+        };
+        let by = Displacement(10);
+        let moved = executive.operate(Request::Move { axis, by, speed: None, constant: false, wait: true });
+        (states[0].report.expect("alive").alarm, moved)
+    })
+}
+
+#[test]
+fn a_brake_locks_the_others_of_a_line_only_while_it_is_made() {
+    let [(alarm, moved), (other, free)] = braked_on_a_line(None);
+    assert_eq!((alarm, other), (Some(Alarm::Braked), None));
+    assert!(matches!(moved, Err(Failure::Refused { refusal: Refusal::InAlarm, .. })), "{moved:?}");
+    assert!(matches!(free, Ok(Outcome::Moved(_))), "{free:?}");
+    // On the way, whoever is on the line stops too: armed already, at speed, and just before the end.
+    for milliseconds in [0, 10, 300] {
+        let both = braked_on_a_line(Some(Ticks::from_millis(milliseconds)));
+        assert_eq!(both.map(|(alarm, _)| alarm), [Some(Alarm::Braked); 2], "after {milliseconds} ms");
+    }
+}

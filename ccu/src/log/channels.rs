@@ -8,7 +8,7 @@ use mcap::{Attachment, McapError};
 use supersigma_protocol::bus::Lane;
 
 use super::file::LogFile;
-use super::header::{CONFIG_NAME, LogHeader, METADATA_NAME, SCRIPT_NAME};
+use super::header::{AxisNames, CONFIG_NAME, LogHeader, METADATA_NAME, SCRIPT_NAME};
 use super::part::PartPlace;
 use super::schema::FRAME_TYPES;
 use super::told::{ENCODING, SCHEMA_ENCODING, Topic};
@@ -94,7 +94,7 @@ impl Channels {
             written: BTreeMap::new(),
         };
         for topic in Topic::of_set(&header.names) {
-            channels.topic(topic, mcap, header)?;
+            channels.topic(topic, mcap, &header.names)?;
         }
         Ok(channels)
     }
@@ -119,7 +119,7 @@ impl Channels {
         &mut self,
         topic: Topic,
         mcap: &mut McapFile,
-        header: &LogHeader,
+        names: &AxisNames,
     ) -> Result<u16, McapError> {
         if let Some(channel) = self.topics.get(&topic) {
             return Ok(*channel);
@@ -130,7 +130,7 @@ impl Channels {
             None => mcap.add_schema(name, SCHEMA_ENCODING, topic.schema().as_bytes())?,
         };
         self.schemas.insert(name, schema);
-        let channel = mcap.add_channel(schema, &topic.name(&header.names), ENCODING, &BTreeMap::new())?;
+        let channel = mcap.add_channel(schema, &topic.name(names), ENCODING, &BTreeMap::new())?;
         self.topics.insert(topic, channel);
         Ok(channel)
     }

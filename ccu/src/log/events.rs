@@ -131,7 +131,7 @@ impl Event {
     /// Frames that never arrived.
     pub(super) fn gap(gap: Gap, names: &AxisNames) -> Self {
         let message = format!("{}{MISSING}number {} was due, {} came", gap.lost(), gap.expected.0, gap.got.0);
-        Self::new(Level::Error, sender_name(gap.sender, names), message)
+        Self::new(Level::Error, sender_name(gap.sender, names).into_owned(), message)
     }
 
     /// A motor's state under an address that is no axis'.
@@ -173,11 +173,12 @@ impl Watch {
             }
             Body::Fault(axis, fault) => {
                 let text = format!("{}: {fault}, on purpose", names.of(*axis));
-                vec![Event::new(Level::Warning, sender_name(frame.sender, names), text)]
+                vec![Event::new(Level::Warning, sender_name(frame.sender, names).into_owned(), text)]
             }
             Body::Answer(answer) => {
-                let name = sender_name(frame.sender, names);
-                let refusal = self.refusal(answer).map(|text| Event::new(Level::Warning, name.clone(), text));
+                let event =
+                    |level, text| Event::new(level, sender_name(frame.sender, names).into_owned(), text);
+                let refusal = self.refusal(answer).map(|text| event(Level::Warning, text));
                 let trouble = match answer.about {
                     About::Unasked(Occasion::Orphaned) => Some("the CCU is gone".to_owned()),
                     About::Unasked(Occasion::Missed(frames)) => {
@@ -185,10 +186,10 @@ impl Watch {
                     }
                     _ => None,
                 };
-                let trouble = trouble.map(|text| Event::new(Level::Error, name.clone(), text));
+                let trouble = trouble.map(|text| event(Level::Error, text));
                 let alarm = self.alarm(answer).map(|alarm| {
                     let card = address_name(answer.card, names);
-                    Event::new(Level::Error, name, format!("{card}{LOCKED}{alarm}"))
+                    event(Level::Error, format!("{card}{LOCKED}{alarm}"))
                 });
                 refusal.into_iter().chain(trouble).chain(alarm).collect()
             }

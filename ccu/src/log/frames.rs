@@ -130,7 +130,7 @@ impl<'a> Printer<'a> {
         }
     }
 
-    fn frame(&mut self, view: &FrameView) -> io::Result<()> {
+    fn frame(&mut self, view: &FrameView<'_>) -> io::Result<()> {
         match self {
             Self::People(lines, out) => writeln!(out, "{}", lines.line(view)),
             Self::Json(out) => {

@@ -9,7 +9,7 @@ use supersigma_protocol::{Frame, FrameError, Tick, Ticks};
 use super::events::Event;
 use super::header::{LogHeader, Timeline, WallTime};
 use super::order::HoldBack;
-use super::told::{Message, Seen, Teller, event_message};
+use super::told::{Message, Seen, Teller};
 
 /// The real time for which frames are held back.
 const HOLD_BACK: Duration = Duration::from_millis(20);
@@ -49,14 +49,15 @@ impl LiveView {
     }
 
     /// Gives what has been held back long enough, with its time.
-    pub fn advance(&mut self, now: Tick, tell: &mut impl FnMut(WallTime, &Message)) {
+    pub fn advance(&mut self, now: Tick, tell: &mut impl FnMut(WallTime, Message<'_>)) {
         while let Some((at, held)) = self.order.pop_due(now) {
             let time = self.timeline.wall(at);
+            let mut tell = |message: Message<'_>| tell(time, message);
             match held {
-                Held::Event(event) => tell(time, &event_message(&event, time)),
+                Held::Event(event) => self.teller.event(&event, time, &mut tell),
                 Held::Frame(bytes, frame) => {
                     let seen = Seen { bytes: &bytes, frame: frame.as_ref(), gap: None, time };
-                    self.teller.of(seen, &mut |message| tell(time, &message));
+                    self.teller.of(seen, &mut tell);
                 }
             }
         }

@@ -6,6 +6,7 @@
 //!                      │              │           └──► info
 //!                      │              └──► salvage ──► recover ──► a complete log again
 //!                      │ rotation  when the next file begins
+//!                      │ batch     messages on their way to the thread `press`, which compresses and writes them
 //!                      │ part      one MCAP file; file: the bytes of it that are whole
 //!                      │ senders   gaps in the sequence numbers
 //!                      │ order     one time order out of two services and eight senders
@@ -19,6 +20,7 @@
 //! `/axis/<name>/status`, `/digital/status`, `/joint_states` and `/events`. The writer and the reader know no clock and
 //! no bus; the recorder's loop is the only room in here that sleeps. Nothing in here commands, or interprets motion.
 
+mod batch;
 mod channels;
 mod events;
 mod file;
@@ -33,6 +35,7 @@ mod live;
 mod messages;
 mod order;
 mod part;
+mod press;
 mod reader;
 mod recorder;
 mod recover;

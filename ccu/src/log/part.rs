@@ -7,13 +7,12 @@ use std::sync::Arc;
 
 use mcap::records::MessageHeader;
 use mcap::{McapError, WriteOptions};
-use supersigma_protocol::Tick;
 
 use super::LogError;
+use super::batch::{Label, Place};
 use super::channels::{Channels, McapFile, write_preamble};
 use super::file::{Ledger, LogFile};
-use super::header::{LogHeader, METADATA_NAME, WallTime};
-use super::told::Topic;
+use super::header::{AxisNames, LogHeader, METADATA_NAME};
 
 /// Where a file stands in its log.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -29,9 +28,8 @@ pub(super) struct Part {
     path: PathBuf,
     mcap: McapFile,
     channels: Channels,
+    names: AxisNames,
     ledger: Arc<Ledger>,
-    /// When it was begun.
-    pub(super) began: Tick,
 }
 
 impl Part {
@@ -39,18 +37,13 @@ impl Part {
     ///
     /// # Errors
     /// If the file exists, or cannot be made or written.
-    pub(super) fn create(
-        path: &Path,
-        header: &LogHeader,
-        place: &PartPlace,
-        began: Tick,
-    ) -> Result<Self, LogError> {
+    pub(super) fn create(path: &Path, header: &LogHeader, place: &PartPlace) -> Result<Self, LogError> {
         let file = LogFile::create(path)?;
         let ledger = file.ledger();
         let preamble = move || -> Result<_, McapError> {
             let mut mcap = WriteOptions::new()
                 .profile(METADATA_NAME)
-                // One thread is plenty for a bus.
+                // The press is this file's thread.
                 .compression_threads(0)
                 .disable_seeking(true)
                 .create(file)?;
@@ -66,58 +59,34 @@ impl Part {
             // It was made just now, and holds nothing.
             let _ = fs::remove_file(path);
         })?;
-        Ok(Self { path: path.to_owned(), mcap, channels, ledger, began })
+        Ok(Self { path: path.to_owned(), mcap, channels, names: header.names.clone(), ledger })
     }
 
-    /// Where it is.
-    pub(super) fn path(&self) -> &Path {
-        &self.path
+    /// What is known of the file while it is written.
+    pub(super) fn ledger(&self) -> Arc<Ledger> {
+        Arc::clone(&self.ledger)
     }
 
-    /// What is in the file, all of it whole.
-    pub(super) fn bytes(&self) -> u64 {
-        self.ledger.bytes()
-    }
-
-    /// Whether the disk has no more room than what is set aside for the end of this file.
-    pub(super) fn is_full(&self) -> bool {
-        self.ledger.is_full()
-    }
-
-    /// The channels.
-    pub(super) const fn channels(&self) -> &Channels {
-        &self.channels
-    }
-
-    /// The channel of a topic.
+    /// Writes one message.
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub(super) fn topic(&mut self, topic: Topic, header: &LogHeader) -> Result<u16, LogError> {
-        self.channels.topic(topic, &mut self.mcap, header).map_err(|error| failed(&self.path, error))
-    }
-
-    /// Writes one message. `number` is its place on the channel; without one, messages are counted.
-    ///
-    /// # Errors
-    /// If the file cannot be written.
-    pub(super) fn put(
-        &mut self,
-        channel: u16,
-        number: Option<u64>,
-        log_time: WallTime,
-        publish_time: WallTime,
-        data: &[u8],
-    ) -> Result<(), LogError> {
-        let counted = self.channels.count(channel);
+    pub(super) fn put(&mut self, label: &Label, data: &[u8]) -> Result<(), LogError> {
+        let Self { path, mcap, channels, names, .. } = self;
+        let channel = match label.place {
+            Place::Microbus(lane) => channels.microbus(lane),
+            Place::Topic(topic) => channels.topic(topic, mcap, names).map_err(|error| failed(path, error))?,
+        };
+        let counted = channels.count(channel);
+        let number = label.number.map_or(counted, |number| number.0);
         let header = MessageHeader {
             channel_id: channel,
             // The format has 32 bits for it; they wrap.
-            sequence: (number.unwrap_or(counted) & u64::from(u32::MAX)).try_into().unwrap_or_default(),
-            log_time: log_time.0,
-            publish_time: publish_time.0,
+            sequence: (number & u64::from(u32::MAX)).try_into().unwrap_or_default(),
+            log_time: label.log_time.0,
+            publish_time: label.publish_time.0,
         };
-        self.mcap.write_to_known_channel(&header, data).map_err(|error| failed(&self.path, error))
+        mcap.write_to_known_channel(&header, data).map_err(|error| failed(path, error))
     }
 
     /// Closes the chunk and hands it to the system. If that fails, the file ends with the chunk before.

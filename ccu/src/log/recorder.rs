@@ -59,7 +59,7 @@ pub fn run(
     loop {
         // Read before the bus: what was sent before the order to stop is then found below.
         let stopping = stop.load(Ordering::Acquire);
-        let drained = tap.drain(&mut |lane, bytes| {
+        let drained = tap.drain(&mut |lane, _, bytes| {
             if let Some(gap) = writer.record(lane, bytes, clock()) {
                 warn(&gap);
             }

@@ -3,8 +3,9 @@
 //!
 //! Viewers take a narrow dialect of JSON Schema: each property has exactly one `type`, there are no references and no
 //! alternatives. So the derived schemas are narrowed here, and a value that a view shows as `null` is left out of
-//! the twins altogether ([`twin`]), which keeps messages and schemas true to each other.
+//! the twins altogether ([`twin_into`]), which keeps messages and schemas true to each other.
 
+use memchr::memmem::Finder;
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 use serde::Serialize;
@@ -89,50 +90,48 @@ fn time_schema(description: &str) -> Value {
     })
 }
 
-/// A view as a twin's message: its JSON without the values that are null.
-pub(super) fn twin(view: &impl Serialize) -> Vec<u8> {
-    let mut message = Vec::new();
-    twin_into(view, &mut message);
-    message
-}
-
-/// The same, put into an empty vector.
-pub(super) fn twin_into(view: &impl Serialize, message: &mut Vec<u8>) {
+/// Appends a view as a twin's message: its JSON without the values that are null.
+pub(super) fn twin_into(view: &impl Serialize, text: &mut Vec<u8>) {
+    let start = text.len();
     // Views are structs of plain values: they always serialise, and memory takes all.
-    if let Err(error) = serde_json::to_writer(&mut *message, view) {
+    if let Err(error) = serde_json::to_writer(&mut *text, view) {
         tracing::error!(%error, "a view is no JSON");
     }
-    drop_nulls(message);
+    drop_nulls(text, start);
 }
 
-/// Removes every `"key":null` from a JSON text without white space. Keys are names of fields: nothing in them is escaped.
+/// Removes every `"key":null` from the JSON without white space that begins at `start`. Keys are names of fields: nothing
+/// in them is escaped.
 ///
 /// A quote that closes a string, followed by `:null`, is a key with its value: after a string as a value comes a comma
 /// or a brace, and a quote inside a string has a backslash before it.
-fn drop_nulls(json: &mut Vec<u8>) {
+fn drop_nulls(json: &mut Vec<u8>, start: usize) {
     const NULL: &[u8] = b"\":null";
-    let mut kept = 0;
-    let mut at = 0;
-    while at < json.len() {
-        if json[at] == b'"' && json[at..].starts_with(NULL) && !is_escaped(&json[..kept]) {
-            // Back to the key's first quote, and to the comma before it; without one, the comma after it goes.
-            while kept > 0 && json[kept - 1] != b'"' {
-                kept -= 1;
-            }
-            kept = kept.saturating_sub(1);
-            at += NULL.len();
-            if kept > 0 && json[kept - 1] == b',' {
-                kept -= 1;
-            } else if json.get(at) == Some(&b',') {
-                at += 1;
-            }
-        } else {
-            json[kept] = json[at];
-            kept += 1;
+    let nulls = Finder::new(NULL);
+    let (mut kept, mut at) = (start, start);
+    while let Some(next) = nulls.find(&json[at..]) {
+        json.copy_within(at..at + next, kept);
+        (kept, at) = (kept + next, at + next);
+        if is_escaped(&json[start..kept]) {
+            json[kept] = b'"';
+            (kept, at) = (kept + 1, at + 1);
+            continue;
+        }
+        // Back to the key's first quote, and to the comma before it; without one, the comma after it goes.
+        while kept > start && json[kept - 1] != b'"' {
+            kept -= 1;
+        }
+        kept = kept.saturating_sub(1).max(start);
+        at += NULL.len();
+        if kept > start && json[kept - 1] == b',' {
+            kept -= 1;
+        } else if json.get(at) == Some(&b',') {
             at += 1;
         }
     }
-    json.truncate(kept);
+    json.copy_within(at.., kept);
+    let left = json.len() - at;
+    json.truncate(kept + left);
 }
 
 /// Whether what follows this text has an odd number of backslashes before it.

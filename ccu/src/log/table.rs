@@ -87,8 +87,8 @@ pub(super) struct Row<'a> {
     error: Option<&'a str>,
 }
 
-impl<'a> From<&'a FrameView> for Row<'a> {
-    fn from(view: &'a FrameView) -> Self {
+impl<'a> From<&'a FrameView<'_>> for Row<'a> {
+    fn from(view: &'a FrameView<'_>) -> Self {
         match view {
             FrameView::Command(command) => Self::command(command),
             FrameView::Answer(answer) => Self::answer(answer),
@@ -100,7 +100,7 @@ impl<'a> From<&'a FrameView> for Row<'a> {
 }
 
 impl<'a> Row<'a> {
-    fn command(view: &'a CommandView) -> Self {
+    fn command(view: &'a CommandView<'_>) -> Self {
         Self {
             kind: "command",
             time_s: Some(view.time_s),
@@ -122,7 +122,7 @@ impl<'a> Row<'a> {
         }
     }
 
-    fn answer(view: &'a AnswerView) -> Self {
+    fn answer(view: &'a AnswerView<'_>) -> Self {
         let (about, command, refusal) = match &view.about {
             AboutView::Command { command, refusal } => ("command", Some(*command), refusal.as_ref()),
             AboutView::Unasked { unasked } => (*unasked, None, None),

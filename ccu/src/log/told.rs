@@ -6,8 +6,8 @@ use supersigma_protocol::{AxisNumber, Body, CardKind, Frame, FrameError, Report,
 use super::channels::{COMMAND, DIGITAL, EVENTS, JOINTS};
 use super::events::{Event, Watch};
 use super::header::{AxisNames, LogHeader, WallTime};
-use super::joints::{JointStates, Joints};
-use super::schema::{joint_states_schema, log_schema, twin, view_schema};
+use super::joints::Joints;
+use super::schema::{joint_states_schema, log_schema, twin_into, view_schema};
 use super::senders::Gap;
 use super::view::{AnswerView, AxisView, CommandView, DigitalView, FrameView};
 
@@ -77,8 +77,8 @@ impl Topic {
 }
 
 /// One message.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Message {
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Message<'a> {
     /// Where it belongs.
     pub topic: Topic,
     /// The number that it has by itself: that of its frame.
@@ -86,7 +86,7 @@ pub struct Message {
     /// When it holds; `None` is the time of what it follows from.
     pub time: Option<WallTime>,
     /// JSON.
-    pub data: Vec<u8>,
+    pub data: &'a [u8],
 }
 
 /// What was on the bus, in its place in time.
@@ -108,55 +108,63 @@ pub(super) struct Teller {
     names: AxisNames,
     watch: Watch,
     joints: Joints,
+    /// The message that is being told; kept to reuse its memory.
+    text: Vec<u8>,
 }
 
 impl Teller {
     /// Nothing has been on the bus yet.
     pub(super) fn new(header: &LogHeader) -> Self {
-        Self { names: header.names.clone(), watch: Watch::default(), joints: Joints::new(header) }
+        let names = header.names.clone();
+        Self { names, watch: Watch::default(), joints: Joints::new(header), text: Vec::new() }
     }
 
     /// The messages that follow from a frame go to `tell`.
-    pub(super) fn of(&mut self, seen: Seen<'_>, tell: &mut impl FnMut(Message)) {
+    pub(super) fn of(&mut self, seen: Seen<'_>, tell: &mut impl FnMut(Message<'_>)) {
         let Seen { bytes, frame, gap, time } = seen;
-        let names = &self.names;
+        let Self { names, watch, joints, text } = self;
         let mut events: Vec<Event> = gap.map(|gap| Event::gap(gap, names)).into_iter().collect();
         match frame {
             Ok(frame) => {
-                events.extend(self.watch.events(frame, names));
+                events.extend(watch.events(frame, names));
                 match topic(frame) {
                     Some(topic) => {
-                        let data = match FrameView::new(bytes, Ok(frame), names) {
-                            FrameView::Command(view) => twin(&view),
-                            FrameView::Answer(view) => twin(&view),
-                            FrameView::Undecodable(view) => twin(&view),
-                        };
-                        tell(Message { topic, number: Some(frame.sequence), time: None, data });
+                        text.clear();
+                        match FrameView::new(bytes, Ok(frame), names) {
+                            FrameView::Command(view) => twin_into(&view, text),
+                            FrameView::Answer(view) => twin_into(&view, text),
+                            FrameView::Undecodable(view) => twin_into(&view, text),
+                        }
+                        tell(Message { topic, number: Some(frame.sequence), time: None, data: text });
                     }
                     None => events.push(Event::stranger(frame)),
                 }
                 if let Body::Answer(answer) = &frame.body {
-                    self.joints.hear(answer).iter().map(joint_states).for_each(&mut *tell);
+                    joints.hear(answer, &mut |time, data| tell(joint_states(time, data)));
                 }
             }
             Err(error) => events.push(Event::undecodable(bytes, error)),
         }
-        events.iter().map(|event| event_message(event, time)).for_each(tell);
+        for event in &events {
+            self.event(event, time, tell);
+        }
+    }
+
+    /// An event as a message.
+    pub(super) fn event(&mut self, event: &Event, time: WallTime, tell: &mut impl FnMut(Message<'_>)) {
+        self.text.clear();
+        twin_into(&event.at(time), &mut self.text);
+        tell(Message { topic: Topic::Events, number: None, time: None, data: &self.text });
     }
 
     /// What waits for frames that will not come any more.
-    pub(super) fn rest(&mut self) -> Option<Message> {
-        self.joints.rest().as_ref().map(joint_states)
+    pub(super) fn rest(&mut self, tell: &mut impl FnMut(Message<'_>)) {
+        self.joints.rest(&mut |time, data| tell(joint_states(time, data)));
     }
 }
 
-/// An event as a message.
-pub(super) fn event_message(event: &Event, time: WallTime) -> Message {
-    Message { topic: Topic::Events, number: None, time: None, data: twin(&event.at(time)) }
-}
-
-fn joint_states(states: &JointStates) -> Message {
-    Message { topic: Topic::Joints, number: None, time: Some(states.time()), data: twin(states) }
+fn joint_states(time: WallTime, data: &[u8]) -> Message<'_> {
+    Message { topic: Topic::Joints, number: None, time: Some(time), data }
 }
 
 /// Where the twin of a frame belongs; `None` for a motor's state under an address that is no axis'.

@@ -66,18 +66,39 @@ impl TwinReader {
         Some(Twinned { number: self.number, logged, twin })
     }
 
-    /// Goes on with the log's next file, if there is one and it is of the same set's life.
-    fn go_on(&mut self) -> Result<bool, LogError> {
-        let next = part_path(&self.path, self.part + 1);
-        if self.truncated() || !next.exists() {
-            return Ok(false);
-        }
-        let messages = Messages::open(&next, wanted)?;
+    /// The file in which the log goes on although the one before it is cut: its recorder was killed, and another took its
+    /// place. It is not read, for nobody knows what is missing between the two. Known when the iteration has ended.
+    ///
+    /// # Errors
+    /// If a file that may be the one cannot be read.
+    pub fn next_file(&self) -> Result<Option<PathBuf>, LogError> {
+        Ok(self.next_part()?.map(|(part, _)| part_path(&self.path, part)))
+    }
+
+    /// The log's next file that is of the same set's life: in between may stand what was there before.
+    fn next_part(&self) -> Result<Option<(u32, Messages)>, LogError> {
         let life = |header: &LogHeader| (header.set.clone(), header.timeline);
-        if messages.header().map(life) != self.header().map(life) {
+        let own = self.header().map(life);
+        for part in self.part + 1.. {
+            let next = part_path(&self.path, part);
+            if !next.exists() {
+                break;
+            }
+            let messages = Messages::open(&next, wanted)?;
+            if messages.header().map(life) == own {
+                return Ok(Some((part, messages)));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Goes on with the log's next file, if there is one.
+    fn go_on(&mut self) -> Result<bool, LogError> {
+        if self.truncated() {
             return Ok(false);
         }
-        (self.messages, self.part) = (messages, self.part + 1);
+        let Some((part, messages)) = self.next_part()? else { return Ok(false) };
+        (self.messages, self.part) = (messages, part);
         Ok(true)
     }
 

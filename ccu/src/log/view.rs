@@ -3,6 +3,9 @@
 //! A view repeats what the frame says, by name and by number; it adds no judgement. `bytes` is what travelled, and
 //! `operation` is null when they do not decode.
 
+use std::borrow::Cow;
+use std::fmt::Write as _;
+
 use schemars::JsonSchema;
 use serde::Serialize;
 use supersigma_protocol::{
@@ -19,30 +22,30 @@ pub(super) const FAULT: &str = "Fault";
 /// Any frame. In JSON, `kind` says which: `command`, `answer` or `undecodable`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
-pub enum FrameView {
+pub enum FrameView<'a> {
     /// From the CCU.
-    Command(CommandView),
+    Command(CommandView<'a>),
     /// From a card.
-    Answer(AnswerView),
+    Answer(AnswerView<'a>),
     /// Not a frame.
     Undecodable(UndecodableView),
 }
 
 /// A command on the bus.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct CommandView {
+pub struct CommandView<'a> {
     /// When it was sent, in ticks of 0.5 µs since the set's epoch.
     pub tick: Tick,
     /// The same in seconds of machine time.
     pub time_s: f64,
     /// Who sent it: `ccu`.
-    pub sender: String,
+    pub sender: Cow<'a, str>,
     /// Its number among the sender's frames.
     pub sequence: Sequence,
     /// The address byte; null if there is none.
     pub to: Option<Address>,
     /// Whom the address names: an axis, `everyone`, `digital inputs`, `digital outputs` or `nobody`.
-    pub name: String,
+    pub name: Cow<'a, str>,
     /// The bytes of the command in hexadecimal, as in `01 81 0A 28`.
     pub bytes: String,
     /// What is to be done; null if the bytes do not decode.
@@ -65,19 +68,19 @@ pub struct CommandView {
 
 /// An answer on the bus; `R` is what the card reports.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct AnswerView<R = ReportView> {
+pub struct AnswerView<'a, R = ReportView> {
     /// When it was sent, in ticks of 0.5 µs since the set's epoch.
     pub tick: Tick,
     /// The same in seconds of machine time.
     pub time_s: f64,
     /// Who sent it: an axis' name, or `digital`.
-    pub sender: String,
+    pub sender: Cow<'a, str>,
     /// Its number among the sender's frames.
     pub sequence: Sequence,
     /// The address of the card.
     pub axis: Address,
     /// Whom the address names.
-    pub name: String,
+    pub name: Cow<'a, str>,
     /// What it is about.
     pub about: AboutView,
     /// The tick at which the card acted.
@@ -181,10 +184,10 @@ pub struct UndecodableView {
     pub error: String,
 }
 
-impl FrameView {
+impl<'a> FrameView<'a> {
     /// The view of what was on the bus: `bytes`, and the frame in them.
     #[must_use]
-    pub fn new(bytes: &[u8], frame: Result<&Frame, &FrameError>, names: &AxisNames) -> Self {
+    pub fn new(bytes: &[u8], frame: Result<&Frame, &FrameError>, names: &'a AxisNames) -> Self {
         match frame {
             Ok(frame) => match &frame.body {
                 Body::Command(command) => Self::Command(command_view(frame, command, names)),
@@ -197,34 +200,39 @@ impl FrameView {
 }
 
 /// Who sent a frame, as the views name it.
-pub(crate) fn sender_name(sender: Sender, names: &AxisNames) -> String {
+pub(crate) fn sender_name(sender: Sender, names: &AxisNames) -> Cow<'_, str> {
     match sender {
-        Sender::Ccu => "ccu".to_owned(),
+        Sender::Ccu => "ccu".into(),
         Sender::Card(address) => match address.kind() {
-            CardKind::Axis(axis) => names.of(axis).into_owned(),
-            CardKind::DigitalInput | CardKind::DigitalOutput => "digital".to_owned(),
-            CardKind::Everyone | CardKind::Unknown(_) => format!("card {}", address.0),
+            CardKind::Axis(axis) => names.of(axis),
+            CardKind::DigitalInput | CardKind::DigitalOutput => "digital".into(),
+            CardKind::Everyone | CardKind::Unknown(_) => format!("card {}", address.0).into(),
         },
     }
 }
 
 /// Whom an address names.
-pub(super) fn address_name(address: Address, names: &AxisNames) -> String {
+pub(super) fn address_name(address: Address, names: &AxisNames) -> Cow<'_, str> {
     match address.kind() {
-        CardKind::Everyone => "everyone".to_owned(),
-        CardKind::Axis(axis) => names.of(axis).into_owned(),
-        CardKind::DigitalInput => "digital inputs".to_owned(),
-        CardKind::DigitalOutput => "digital outputs".to_owned(),
-        CardKind::Unknown(_) => "nobody".to_owned(),
+        CardKind::Everyone => "everyone".into(),
+        CardKind::Axis(axis) => names.of(axis),
+        CardKind::DigitalInput => "digital inputs".into(),
+        CardKind::DigitalOutput => "digital outputs".into(),
+        CardKind::Unknown(_) => "nobody".into(),
     }
 }
 
 /// The bytes as `01 81 0A 28`.
 pub(super) fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().join(" ")
+    let mut text = String::with_capacity(3 * bytes.len());
+    for byte in bytes {
+        let gap = if text.is_empty() { "" } else { " " };
+        let _ = write!(text, "{gap}{byte:02X}");
+    }
+    text
 }
 
-fn command_view(frame: &Frame, command: &Broadcast, names: &AxisNames) -> CommandView {
+fn command_view<'a>(frame: &Frame, command: &Broadcast, names: &'a AxisNames) -> CommandView<'a> {
     let bytes = command.bytes.as_slice();
     let to = bytes.first().copied().map(Address);
     let decoded = Command::decode(bytes);
@@ -234,7 +242,7 @@ fn command_view(frame: &Frame, command: &Broadcast, names: &AxisNames) -> Comman
         sender: sender_name(frame.sender, names),
         sequence: frame.sequence,
         to,
-        name: to.map_or_else(|| "nobody".to_owned(), |to| address_name(to, names)),
+        name: to.map_or("nobody".into(), |to| address_name(to, names)),
         bytes: hex(bytes),
         operation: decoded.as_ref().ok().map(|command| command.operation.name()),
         refusal: decoded.as_ref().err().map(Refusal::to_string),
@@ -276,14 +284,14 @@ fn command_view(frame: &Frame, command: &Broadcast, names: &AxisNames) -> Comman
     view
 }
 
-fn fault_view(frame: &Frame, axis: AxisNumber, fault: Fault, names: &AxisNames) -> CommandView {
+fn fault_view<'a>(frame: &Frame, axis: AxisNumber, fault: Fault, names: &'a AxisNames) -> CommandView<'a> {
     CommandView {
         tick: frame.tick,
         time_s: frame.tick.since(Tick(0)).as_seconds(),
         sender: sender_name(frame.sender, names),
         sequence: frame.sequence,
         to: Some(axis.address()),
-        name: names.of(axis).into_owned(),
+        name: names.of(axis),
         bytes: String::new(),
         operation: Some(FAULT),
         refusal: None,
@@ -296,7 +304,7 @@ fn fault_view(frame: &Frame, axis: AxisNumber, fault: Fault, names: &AxisNames) 
     }
 }
 
-fn answer_view(frame: &Frame, answer: &Answer, names: &AxisNames) -> AnswerView {
+fn answer_view<'a>(frame: &Frame, answer: &Answer, names: &'a AxisNames) -> AnswerView<'a> {
     AnswerView {
         tick: frame.tick,
         time_s: frame.tick.since(Tick(0)).as_seconds(),

@@ -14,20 +14,22 @@ use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use supersigma_protocol::bus::Lane;
-use supersigma_protocol::{About, Body, Frame, FrameError, Sender, Sequence, Tick, Ticks};
+use supersigma_protocol::{About, Body, Frame, FrameError, Occasion, Sender, Sequence, Tick, Ticks};
 
 use super::LogError;
+use super::batch::{Batch, Label, Place};
 use super::events::Event;
 use super::header::{LogHeader, Timeline, WallTime};
 use super::order::HoldBack;
-use super::part::{Part, PartPlace};
+use super::part::PartPlace;
+use super::press::Press;
 use super::rotation::{Rotation, part_path};
 use super::senders::{Gap, Senders};
-use super::told::{Message, Seen, Teller, event_message};
+use super::told::{Message, Seen, Teller};
 
 /// The real time for which frames are held back, if `flush` leaves room for it.
 const HOLD_BACK: Duration = Duration::from_millis(20);
-/// The real time after which a caller with nothing to do comes back, if `flush` leaves room for it.
+/// The real time after which a caller with nothing to do comes back while axes move, if `flush` leaves room for it.
 const POLL: Duration = Duration::from_millis(10);
 
 /// Frames after which a chunk is closed in any case, so that memory stays small when many come at once.
@@ -58,7 +60,7 @@ pub struct LogSummary {
 pub struct LogWriter {
     path: PathBuf,
     header: LogHeader,
-    part: Part,
+    part: Press,
     number: u32,
     rotation: Rotation,
     /// The file before this one, on its way to the disk.
@@ -68,10 +70,14 @@ pub struct LogWriter {
     /// The age at which recorded frames are flushed.
     flush_age: Ticks,
     poll: Duration,
+    /// The longest `poll` that keeps to `flush`.
+    rest: Duration,
+    /// Whether anything but heartbeats has come since the last look.
+    lively: bool,
     senders: Senders,
     /// Commands that are still held back, with their places in time: an answer never goes before its command.
     held_commands: VecDeque<(Sequence, Tick)>,
-    /// When the oldest frame that is not on disk was recorded.
+    /// From when on something that is not on disk yet might have been lost.
     oldest: Option<Tick>,
     /// Frames since the last flush.
     unflushed: u32,
@@ -95,7 +101,8 @@ struct Noted {
     bytes: Vec<u8>,
     frame: Result<Frame, FrameError>,
     gap: Option<Gap>,
-    recorded: Tick,
+    /// From when on it might have been lost.
+    since: Tick,
 }
 
 impl LogSummary {
@@ -134,10 +141,11 @@ impl LogWriter {
         let file = part_path(path, number);
         let before = (number > 1).then(|| part_path(path, number - 1));
         let previous = before.and_then(|file| Some(file.file_name()?.to_string_lossy().into_owned()));
-        let part = Part::create(&file, &header, &PartPlace { number, previous }, Tick(0))?;
+        let part = Press::create(&file, &header, &PartPlace { number, previous }, Tick(0))?;
         let Timeline { epoch, scale } = header.timeline;
         // The hold-back, its allowance for clocks that disagree, and a caller's poll together must fit into `flush`.
         let quarter = flush / 4;
+        let rest = quarter.max(Duration::from_millis(1));
         let hold = scale.ticks(HOLD_BACK.min(quarter));
         let counts = LogSummary { parts: vec![file], bytes: part.bytes(), ..LogSummary::default() };
         Ok(Self {
@@ -149,7 +157,9 @@ impl LogWriter {
             order: HoldBack::new(hold),
             hold,
             flush_age: scale.ticks(quarter * 3),
-            poll: POLL.min(quarter).max(Duration::from_millis(1)),
+            poll: POLL.min(rest),
+            rest,
+            lively: false,
             teller: Teller::new(&header),
             header,
             senders: if number > 1 { Senders::joined_late() } else { Senders::default() },
@@ -177,7 +187,7 @@ impl LogWriter {
         self.header.timeline
     }
 
-    /// The real time after which [`LogWriter::advance`] should be called again.
+    /// The real time after which [`LogWriter::advance`] should be called again; longer when nothing but heartbeats comes.
     #[must_use]
     pub const fn poll(&self) -> Duration {
         self.poll
@@ -223,11 +233,16 @@ impl LogWriter {
     pub fn record(&mut self, lane: Lane, bytes: &[u8], now: Tick) -> Option<Gap> {
         let frame = Frame::decode(bytes);
         let (gap, at) = self.place(&frame, now);
+        let mut since = now;
         if let Ok(frame) = &frame {
             self.lag = self.lag.max(now.since(frame.tick.min(now)));
+            // It may have lain on the bus since the last look.
+            let look = self.header.timeline.scale.ticks(self.rest);
+            since = Tick(frame.tick.0.clamp(now.0.saturating_sub(look.0), now.0));
         }
-        self.oldest.get_or_insert(now);
-        self.order.push(at, Noted { lane, bytes: bytes.to_vec(), frame, gap, recorded: now });
+        self.lively |= !frame.as_ref().is_ok_and(is_heartbeat);
+        self.oldest = Some(self.oldest.map_or(since, |oldest| oldest.min(since)));
+        self.order.push(at, Noted { lane, bytes: bytes.to_vec(), frame, gap, since });
         gap
     }
 
@@ -245,6 +260,7 @@ impl LogWriter {
     /// If the file cannot be written. What was flushed before stays readable, and the file is closed: only
     /// [`LogWriter::saved`] makes sense then.
     pub fn advance(&mut self, now: Tick) -> Result<(), LogError> {
+        self.poll = if std::mem::take(&mut self.lively) { POLL.min(self.rest) } else { self.rest };
         while let Some((at, noted)) = self.order.pop_due(now) {
             self.write(at, &noted)?;
             if self.unflushed >= FRAMES_OF_A_FLUSH {
@@ -267,9 +283,8 @@ impl LogWriter {
             self.write(at, &noted)?;
         }
         self.write_notices(Tick(u64::MAX))?;
-        if let Some(message) = self.teller.rest() {
-            self.tell(&message, self.last_time, self.last_time)?;
-        }
+        let (time, batch) = (self.last_time, self.part.batch());
+        self.teller.rest(&mut |message| tell(batch, message, time, time));
         let Self { part, settling, mut counts, earlier_bytes, .. } = self;
         let path = part.path().to_owned();
         let (bytes, file) = part.finish()?;
@@ -284,7 +299,7 @@ impl LogWriter {
         self.part.flush()?;
         self.unflushed = 0;
         let notices = self.notices.iter().map(|(at, _)| *at);
-        self.oldest = self.order.iter().map(|noted| noted.recorded).chain(notices).min();
+        self.oldest = self.order.iter().map(|noted| noted.since).chain(notices).min();
         self.save();
         let age = self.header.timeline.scale.real(now.since(self.part.began.min(now)));
         // A full disk has no room for another file either.
@@ -303,7 +318,7 @@ impl LogWriter {
                 number: u32::try_from(self.counts.parts.len()).unwrap_or(u32::MAX).saturating_add(1),
                 previous: previous.clone(),
             };
-            match Part::create(&part_path(&self.path, self.number), &self.header, &place, now) {
+            match Press::create(&part_path(&self.path, self.number), &self.header, &place, now) {
                 Ok(next) => break next,
                 // Somebody else's, and precious.
                 Err(LogError::Exists { .. }) => {}
@@ -363,11 +378,12 @@ impl LogWriter {
         self.write_notices(at)?;
         let time = self.time_of(at);
         let published = self.header.timeline.wall(frame.as_ref().map_or(at, |frame| frame.tick));
-        self.part.put(self.part.channels().microbus(*lane), None, time, published, bytes)?;
-        let mut told = Vec::new();
+        let batch = self.part.batch();
+        let place = Place::Microbus(*lane);
+        batch.put(Label { place, number: None, log_time: time, publish_time: published }, bytes);
         let seen = Seen { bytes, frame: frame.as_ref(), gap: *gap, time };
-        self.teller.of(seen, &mut |message| told.push(message));
-        told.into_iter().try_for_each(|message| self.tell(&message, time, published))
+        self.teller.of(seen, &mut |message| tell(batch, message, time, published));
+        self.part.pass_on()
     }
 
     /// Writes the daemon's events up to a place in time.
@@ -376,21 +392,16 @@ impl LogWriter {
             && let Some((at, event)) = self.notices.pop_front()
         {
             let (time, published) = (self.time_of(at), self.header.timeline.wall(at));
-            self.tell(&event_message(&event, published), time, published)?;
+            let batch = self.part.batch();
+            self.teller.event(&event, published, &mut |message| tell(batch, message, time, published));
         }
-        Ok(())
+        self.part.pass_on()
     }
 
     /// The log time of a place in time: it never falls.
     fn time_of(&mut self, at: Tick) -> WallTime {
         self.last_time = self.header.timeline.wall(at).max(self.last_time);
         self.last_time
-    }
-
-    fn tell(&mut self, message: &Message, time: WallTime, published: WallTime) -> Result<(), LogError> {
-        let Message { topic, number, time: own, data } = message;
-        let channel = self.part.topic(*topic, &self.header)?;
-        self.part.put(channel, number.map(|number| number.0), time, own.unwrap_or(published), data)
     }
 
     fn count(&mut self, frame: Option<&Frame>, gap: Option<Gap>) {
@@ -408,12 +419,23 @@ impl LogWriter {
     }
 }
 
+/// Puts what viewers are told beside what it follows from.
+fn tell(batch: &mut Batch, message: Message<'_>, log_time: WallTime, published: WallTime) {
+    let Message { topic, number, time, data } = message;
+    let publish_time = time.unwrap_or(published);
+    batch.put(Label { place: Place::Topic(topic), number, log_time, publish_time }, data);
+}
+
 /// Waits until an earlier file is on the disk.
 fn settled(settling: Option<JoinHandle<io::Result<()>>>) -> io::Result<()> {
     let joined = settling.map(JoinHandle::join);
     joined.map_or(Ok(()), |result| {
         result.unwrap_or_else(|_| Err(io::Error::other("the thread that waits for the disk has failed")))
     })
+}
+
+fn is_heartbeat(frame: &Frame) -> bool {
+    matches!(&frame.body, Body::Answer(answer) if answer.about == About::Unasked(Occasion::Heartbeat))
 }
 
 fn is_ccu_command(frame: &Frame) -> bool {

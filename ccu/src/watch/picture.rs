@@ -217,7 +217,7 @@ impl Picture {
         if lost > 0 {
             self.lost += lost;
             let message = format!("{lost} frames lost: number {} was due, {} came", due.0, frame.sequence.0);
-            let name = sender_name(frame.sender, &self.names);
+            let name = sender_name(frame.sender, &self.names).into_owned();
             self.event(Event::new(Level::Error, name, message));
         }
     }

@@ -305,10 +305,6 @@ fn motors_can_be() {
 #[test]
 fn what_processes_may_ask_of_the_machine() {
     for (text, place) in [
-        (
-            "[bus]\nlook_us = 1001\n",
-            "7:11: bus.look_us: 1001 µs are too long to keep a processor busy for nothing, at most 1000",
-        ),
         ("[real_time]\npriority = 0\n", "7:12: real_time.priority: a priority is 1 to 99, the highest"),
         ("[real_time]\npriority = 100\n", "7:12: real_time.priority: a priority is 1 to 99, the highest"),
         (

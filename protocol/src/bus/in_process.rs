@@ -6,7 +6,9 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::Duration;
 
 use super::line::Line;
-use super::{BUFFER_FRAMES, Bus, BusError, Lane, Receive, Tap, Transmit, Wake, Waker, check_length};
+use super::{
+    BUFFER_FRAMES, Bus, BusError, Lane, Origin, Receive, Received, Tap, Transmit, Wake, Waker, check_length,
+};
 use crate::units::Address;
 
 /// A bus whose ports live in this process. Clones are the same bus.
@@ -88,19 +90,12 @@ pub struct InProcessReceive {
 }
 
 impl Receive for InProcessReceive {
-    fn receive(&self) -> Result<Option<Vec<u8>>, BusError> {
-        Ok(lock(&self.mailbox.inside).frames.pop_front())
+    fn receive(&mut self) -> Result<Option<Received>, BusError> {
+        let bytes = lock(&self.mailbox.inside).frames.pop_front();
+        Ok(bytes.map(|bytes| Received { origin: Origin::own(), bytes }))
     }
 
-    /// Looks once: inside one process there is nothing to gain.
-    fn look(&self, _: Duration) -> Result<bool, BusError> {
-        let mut inside = lock(&self.mailbox.inside);
-        let found = !inside.frames.is_empty();
-        inside.raised &= !found;
-        Ok(found)
-    }
-
-    fn wait(&self, limit: Duration) -> Result<(), BusError> {
+    fn wait(&mut self, limit: Duration) -> Result<(), BusError> {
         let (mut inside, _) = self
             .mailbox
             .line
@@ -128,15 +123,16 @@ pub struct InProcessTap {
 }
 
 impl Tap for InProcessTap {
-    fn drain(&mut self, each: &mut dyn FnMut(Lane, &[u8])) -> Result<usize, BusError> {
+    fn drain(&mut self, each: &mut dyn FnMut(Lane, Origin, &[u8])) -> Result<usize, BusError> {
         // Answers are taken first and handed over last: whatever they answer is among the commands taken after them.
         let answers = std::mem::take(&mut lock(&self.answers.inside).frames);
         let commands = std::mem::take(&mut lock(&self.commands.inside).frames);
+        let own = Origin::own();
         for command in &commands {
-            each(Lane::Commands, command);
+            each(Lane::Commands, own, command);
         }
         for answer in &answers {
-            each(Lane::Answers, answer);
+            each(Lane::Answers, own, answer);
         }
         Ok(commands.len() + answers.len())
     }

@@ -1,8 +1,8 @@
 //! The MICROBUS itself: frames' bytes from one process to others. It knows senders and addresses, not meanings.
 //!
 //! Two carriers stand behind the same three traits: [`shared_memory`] (iceoryx2) between processes and
-//! [`in_process`] inside one. A port that waits, sleeps in the kernel until its line (DATA READY for cards, ANSWER READY
-//! for the CCU) is raised or the time is over; in the middle of a conversation it may [look] for a moment before.
+//! [`in_process`] inside one. Nobody spins: a port that waits, sleeps in the kernel until its line
+//! (DATA READY for cards, ANSWER READY for the CCU) is raised or the time is over.
 //!
 //! ```text
 //!               commands (publish-subscribe, one to all)
@@ -14,24 +14,27 @@
 //!               answers (publish-subscribe, all to the CCU), ANSWER READY
 //! ```
 //!
-//! [look]: Look
-//!
 //! No reader, dead, stopped or slow, can stop a sender: a full buffer loses frames, the receiver sees the gap in
 //! the sequence numbers, and that is an alarm.
+//!
+//! Every frame comes with its [`Origin`], the process that has sent it. Whom to believe is for whoever receives.
 
 use std::fmt;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
 use crate::MAX_FRAME_BYTES;
 use crate::units::Address;
 
-pub use look::Look;
-
 pub mod in_process;
 mod line;
-mod look;
+mod origin;
 pub mod shared_memory;
+mod strangers;
+
+pub use origin::Origin;
+pub use strangers::{Stranger, Strangers};
 
 /// How many frames a reader may leave unread before further ones are lost to it.
 pub const BUFFER_FRAMES: usize = 4096;
@@ -87,28 +90,28 @@ pub trait Transmit: Send {
     fn send(&mut self, frame: &[u8], wake: Wake) -> Result<(), BusError>;
 }
 
-/// The receiving half of a port. Several threads may look and wait; frames keep their order only if one thread at a time
-/// receives.
-pub trait Receive: Send + Sync {
-    /// The bytes of the next frame that is already here; `None` if there is none. Never waits.
-    ///
-    /// # Errors
-    /// If the bus itself fails.
-    fn receive(&self) -> Result<Option<Vec<u8>>, BusError>;
+/// A frame that has come, undecoded.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Received {
+    /// The process that has sent it.
+    pub origin: Origin,
+    /// Its bytes, [`MAX_FRAME_BYTES`] at most.
+    pub bytes: Vec<u8>,
+}
 
-    /// Looks for a frame, for `limit` at most, without sleeping; whether there is one. Then its line is lowered, as after
-    /// waiting. With a `limit` of zero it looks once.
-    /// [`Look`] says when that is worth a processor's time.
+/// The receiving half of a port.
+pub trait Receive: Send {
+    /// The next frame that is already here; `None` if there is none. Never waits.
     ///
     /// # Errors
     /// If the bus itself fails.
-    fn look(&self, limit: Duration) -> Result<bool, BusError>;
+    fn receive(&mut self) -> Result<Option<Received>, BusError>;
 
     /// Sleeps until this port's line is raised, or `limit` is over. May return early; never spins.
     ///
     /// # Errors
     /// If the bus itself fails.
-    fn wait(&self, limit: Duration) -> Result<(), BusError>;
+    fn wait(&mut self, limit: Duration) -> Result<(), BusError>;
 
     /// What ends this port's `wait` from another thread of the same process.
     fn waker(&self) -> Waker;
@@ -146,12 +149,13 @@ pub enum Lane {
 
 /// A silent reader of both services: the recorder's end.
 pub trait Tap: Send {
-    /// Hands over every frame that is here now and returns how many there were. Frames of one sender come in the
-    /// order in which they were sent; a command is handed over before the answers to it.
+    /// Hands over the frames that are here now and returns how many there were; those that are too many for one look
+    /// wait for the next one. Frames of one sender come in the order in which they were sent; a command is handed over
+    /// before the answers to it.
     ///
     /// # Errors
     /// If the bus itself fails.
-    fn drain(&mut self, each: &mut dyn FnMut(Lane, &[u8])) -> Result<usize, BusError>;
+    fn drain(&mut self, each: &mut dyn FnMut(Lane, Origin, &[u8])) -> Result<usize, BusError>;
 }
 
 /// The bus itself failed.
@@ -171,6 +175,14 @@ pub enum BusError {
         /// What was tried.
         what: &'static str,
         /// What the carrier said.
+        reason: String,
+    },
+    /// The machine's shared memory cannot take the bus.
+    #[error("there is no room for the bus in {}: {reason}", folder.display())]
+    NoRoom {
+        /// Where.
+        folder: PathBuf,
+        /// What is missing.
         reason: String,
     },
     /// A frame that is longer than any frame may be.

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 use std::io::{self, IsTerminal, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::mpsc;
 use std::thread;
 use std::time::{Duration, Instant};
@@ -34,6 +34,8 @@ struct ResultView<'a> {
     speed: f64,
     /// Whether the log ends in the middle of a record.
     truncated: bool,
+    /// The file in which it goes on all the same; that is not verified.
+    goes_on_in: Option<PathBuf>,
     /// The version that wrote the log.
     version: &'a str,
     difference: Option<DifferenceView>,
@@ -72,10 +74,12 @@ pub(super) fn verify(path: &Path, json: bool) -> Result<(), Exit> {
     let broken = read(&mut reader, &mut verifier, &bar);
     bar.finish_and_clear();
     let found = verifier.finish();
+    let goes_on_in = if reader.truncated() { reader.next_file().map_err(log_error)? } else { None };
     let result = Told { found: &found, names: &header.names, took: began.elapsed() };
     let mut out = io::stdout().lock();
     if json {
-        let view = result.view(reader.truncated(), &header.version);
+        let view =
+            ResultView { goes_on_in: goes_on_in.clone(), ..result.view(reader.truncated(), &header.version) };
         show::print_json(&view, &mut out)?;
     } else {
         result.print(&mut out)?;
@@ -85,6 +89,13 @@ pub(super) fn verify(path: &Path, json: bool) -> Result<(), Exit> {
         eprintln!(
             "the log ends in the middle of a record; the {} frames before that are verified",
             found.frames
+        );
+    }
+    if let Some(next) = &goes_on_in {
+        eprintln!(
+            "the log goes on in {}: its recorder was started again, and what happened meanwhile nobody knows; from \
+             there on nothing is verified",
+            next.display()
         );
     }
     if let Some(version) = other_version(&header) {
@@ -167,6 +178,7 @@ impl Told<'_> {
             took_s: self.took.as_secs_f64(),
             speed: self.speed(),
             truncated,
+            goes_on_in: None,
             version,
             difference: found.difference.as_ref().map(|difference| self.difference(difference)),
             unverifiable: found

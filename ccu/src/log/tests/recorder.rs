@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc;
 
-use supersigma_protocol::bus::{BusError, Tap};
+use supersigma_protocol::bus::{BusError, Origin, Tap};
 
 use super::*;
 use crate::log::{LogError, RecorderStatus, run};
@@ -19,7 +19,7 @@ struct Script<'a> {
 }
 
 impl Tap for Script<'_> {
-    fn drain(&mut self, each: &mut dyn FnMut(Lane, &[u8])) -> Result<usize, BusError> {
+    fn drain(&mut self, each: &mut dyn FnMut(Lane, Origin, &[u8])) -> Result<usize, BusError> {
         let looks = self.looks.fetch_add(1, Ordering::Relaxed) + 1;
         if looks >= self.stop_after as u64 {
             self.stop.store(true, Ordering::Release);
@@ -32,7 +32,7 @@ impl Tap for Script<'_> {
             None => Vec::new(),
         };
         for frame in &batch {
-            each(lane(frame), &frame.encode());
+            each(lane(frame), Origin::own(), &frame.encode());
         }
         Ok(batch.len())
     }

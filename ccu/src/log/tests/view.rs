@@ -1,13 +1,18 @@
 //! Goldens of the decoded forms: their keys and columns are a contract.
 
+use std::sync::LazyLock;
+
 use serde_json::json;
 use supersigma_protocol::{Alarm, Command, Direction, Distance, FrameError, Operation, SpeedIndex};
 
 use super::*;
 use crate::log::{FrameView, Lines};
 
-fn view(frame: &Frame) -> FrameView {
-    FrameView::new(&frame.encode(), Ok(frame), &names())
+/// Views borrow the names.
+static NAMES: LazyLock<AxisNames> = LazyLock::new(names);
+
+fn view(frame: &Frame) -> FrameView<'static> {
+    FrameView::new(&frame.encode(), Ok(frame), &NAMES)
 }
 
 fn json_of(frame: &Frame) -> serde_json::Value {
@@ -126,7 +131,7 @@ fn a_digital_answer_in_json() {
 fn bytes_that_are_no_frame_in_json() {
     let bytes = [0xFF, 0x00];
     let error = Frame::decode(&bytes).expect_err("no such sender");
-    let view = FrameView::new(&bytes, Err(&error), &names());
+    let view = FrameView::new(&bytes, Err(&error), &NAMES);
     assert_eq!(
         serde_json::to_value(view).expect("views serialise"),
         json!({ "kind": "undecodable", "bytes": "FF 00", "error": error.to_string() })
@@ -135,7 +140,7 @@ fn bytes_that_are_no_frame_in_json() {
 
 #[test]
 fn lines_for_people() {
-    let lines = Lines::new(&names());
+    let lines = Lines::new(&NAMES);
     let refused = alarmed(2, 4, 4_000_001, REFUSED, Some(Alarm::Braked));
     let error = FrameError::Trailing(3);
     let frames = [
@@ -144,7 +149,7 @@ fn lines_for_people() {
         view(&command(19, 20_000_001, &[0, 0x7F])),
         view(&answer(1, 3, 3_000_000, HEARTBEAT)),
         view(&refused),
-        FrameView::new(&[1, 2], Err(&error), &names()),
+        FrameView::new(&[1, 2], Err(&error), &NAMES),
     ];
     let text: Vec<String> =
         std::iter::once(lines.title()).chain(frames.iter().map(|frame| lines.line(frame))).collect();

@@ -15,41 +15,50 @@
 //!
 //! The CCU creates everything, after removing whatever an earlier life of the set left behind; the others open it.
 //! A process killed at any moment leaves files and slots behind; the next one that joins returns them.
+//!
+//! There are exactly as many publishers as the set has processes that speak, so while they live, nobody else can. Whoever
+//! takes the place of one that has died is known by the origin of its frames.
 
-use std::time::Duration;
+use std::thread;
+use std::time::{Duration, Instant};
 
-use iceoryx2::config::Config;
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
-use iceoryx2::port::publisher::Publisher;
+use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
 use iceoryx2::port::subscriber::Subscriber;
-use iceoryx2::prelude::{BackpressureStrategy, Node, NodeBuilder, ServiceName, SignalHandlingMode};
-use iceoryx2::service::port_factory::{event, publish_subscribe};
+use iceoryx2::prelude::{
+    BackpressureStrategy, CallbackProgression, Node, NodeBuilder, ServiceName, SignalHandlingMode,
+};
+use iceoryx2::service::port_factory::{PortFactory, event, publish_subscribe};
 use iceoryx2_log::LogLevel;
 use tracing::level_filters::LevelFilter;
 
 use super::line::Line;
 use super::{BUFFER_FRAMES, Bus, BusError, Waker};
 use crate::MAX_FRAME_BYTES;
-use crate::units::Address;
+use crate::units::{Address, AxisNumber};
 
 mod place;
 mod ports;
+mod room;
 
 pub use place::Place;
-use ports::Carrier;
+use ports::{Carrier, origin_of};
 pub use ports::{SharedReceive, SharedTap, SharedTransmit};
 
 /// CCU, eight card processes, some taps, and as many again that died and have not been cleared away yet.
 const NODES: usize = 32;
-/// Eight card processes, and as many dead ones.
-const CARDS: usize = 16;
-/// Recorder and people's readers, and as many dead ones.
-const TAPS: usize = 8;
+/// Those that speak to the CCU: a process a motor card, and one for both digital cards. A dead one's place is free once it
+/// has been cleared away.
+const SPEAKERS: usize = AxisNumber::COUNT + 1;
+/// Eight card processes that hear, and some dead ones. Each is room in shared memory that is kept free for it.
+const CARDS: usize = 12;
+/// Recorder, live view, and two more, people's readers or dead ones.
+const TAPS: usize = 4;
 /// A line has one listener; a card that was killed and started again may meet its own remains.
 const LISTENERS: usize = 4;
 /// Whoever raises a line, and its owner's waker; ANSWER READY is raised by all cards.
-const NOTIFIERS: usize = CARDS + 4;
+const NOTIFIERS: usize = 2 * SPEAKERS + 4;
 /// How long clearing away the dead may take when others are at it too.
 const CLEANING: Duration = Duration::from_secs(1);
 
@@ -65,6 +74,7 @@ pub struct SharedBus {
     /// By [`Line::index`].
     lines: Vec<Event>,
     node: Node<Carrier>,
+    place: Place,
 }
 
 impl SharedBus {
@@ -75,9 +85,11 @@ impl SharedBus {
     /// If a left-over cannot be removed, or iceoryx2 cannot make its files.
     pub fn create(place: &Place) -> Result<Self, BusError> {
         place.sweep()?;
+        Place::look_for(room::OF_A_SET)?;
         place.settle()?;
-        let bus = Self::enter(&place.config()?, Entry::Create)?;
+        let bus = Self::enter(place, Entry::Create)?;
         place.seal()?;
+        place.take_room()?;
         Ok(bus)
     }
 
@@ -92,7 +104,8 @@ impl SharedBus {
                 format!("there is none in {}; start the set first", place.root().display()),
             ));
         }
-        Self::enter(&place.config()?, Entry::Open)
+        Place::look_for(room::OF_A_PROCESS)?;
+        Self::enter(place, Entry::Open)
     }
 
     /// Returns the files and slots of killed processes. Joining does it too.
@@ -113,20 +126,35 @@ impl SharedBus {
         place.sweep()
     }
 
-    fn enter(config: &Config, entry: Entry) -> Result<Self, BusError> {
+    fn enter(place: &Place, entry: Entry) -> Result<Self, BusError> {
         follow_log_level();
         let node = NodeBuilder::new()
-            .config(config)
+            .config(&place.config()?)
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create::<Carrier>()
             .map_err(|error| BusError::open("enter the bus", error))?;
         Ok(Self {
             record: frames(&node, entry, "record", 1, TAPS)?,
             commands: frames(&node, entry, "commands", 1, CARDS)?,
-            answers: frames(&node, entry, "answers", CARDS, 1 + TAPS)?,
+            answers: frames(&node, entry, "answers", SPEAKERS, 1 + TAPS)?,
             lines: Line::all().map(|line| event(&node, entry, line)).collect::<Result<_, _>>()?,
             node,
+            place: place.clone(),
         })
+    }
+
+    /// A place to speak. If all are taken, one may be a dead process', which somebody else is just clearing away.
+    fn speaker(&self, frames: &Frames) -> Result<Publisher<Carrier, [u8], ()>, BusError> {
+        let begun = Instant::now();
+        loop {
+            match create_publisher(frames) {
+                Err(PublisherCreateError::ExceedsMaxSupportedPublishers) if begun.elapsed() < CLEANING => {
+                    self.clean_dead();
+                    thread::sleep(CLEANING / 50);
+                }
+                result => return result.map_err(|error| no_place(frames, error)),
+            }
+        }
     }
 
     fn notifier(&self, line: Line) -> Result<Notifier<Carrier>, BusError> {
@@ -162,19 +190,26 @@ impl Bus for SharedBus {
     fn ccu(&self) -> Result<(SharedTransmit, SharedReceive), BusError> {
         let lines =
             Line::cards().map(|line| Ok((line, self.notifier(line)?))).collect::<Result<_, BusError>>()?;
+        let publisher = |frames| create_publisher(frames).map_err(|error| no_place(frames, error));
         let publishers = vec![publisher(&self.record)?, publisher(&self.commands)?];
-        Ok((SharedTransmit { publishers, lines }, self.receive(&self.answers, Line::AnswerReady)?))
+        let receive = self.receive(&self.answers, Line::AnswerReady)?;
+        self.place.take_room()?;
+        Ok((SharedTransmit { publishers, lines }, receive))
     }
 
     fn card(&self, address: Address) -> Result<(SharedTransmit, SharedReceive), BusError> {
         let line = Line::of_card(address)?;
         let lines = vec![(Line::AnswerReady, self.notifier(Line::AnswerReady)?)];
-        let publishers = vec![publisher(&self.answers)?];
-        Ok((SharedTransmit { publishers, lines }, self.receive(&self.commands, line)?))
+        let publishers = vec![self.speaker(&self.answers)?];
+        let receive = self.receive(&self.commands, line)?;
+        self.place.take_room()?;
+        Ok((SharedTransmit { publishers, lines }, receive))
     }
 
     fn tap(&self) -> Result<SharedTap, BusError> {
-        Ok(SharedTap { commands: subscriber(&self.record)?, answers: subscriber(&self.answers)? })
+        let tap = SharedTap { commands: subscriber(&self.record)?, answers: subscriber(&self.answers)? };
+        self.place.take_room()?;
+        Ok(tap)
     }
 }
 
@@ -235,7 +270,7 @@ fn refused(entry: Entry, service: &str, error: &dyn std::fmt::Display) -> BusErr
     BusError::open(what, format!("service \"{service}\": {error}"))
 }
 
-fn publisher(frames: &Frames) -> Result<Publisher<Carrier, [u8], ()>, BusError> {
+fn create_publisher(frames: &Frames) -> Result<Publisher<Carrier, [u8], ()>, PublisherCreateError> {
     frames
         .publisher_builder()
         .initial_max_slice_len(MAX_FRAME_BYTES)
@@ -243,7 +278,20 @@ fn publisher(frames: &Frames) -> Result<Publisher<Carrier, [u8], ()>, BusError> 
         // The default retries until delivered: one reader that has stopped would stop the sender for ever.
         .backpressure_strategy(BackpressureStrategy::DiscardData)
         .create()
-        .map_err(|error| BusError::open("make a sending port", error))
+}
+
+/// Says who has the places, if that is what is wrong.
+fn no_place(frames: &Frames, error: PublisherCreateError) -> BusError {
+    const WHAT: &str = "make a sending port";
+    if error != PublisherCreateError::ExceedsMaxSupportedPublishers {
+        return BusError::open(WHAT, error);
+    }
+    let mut holders = Vec::new();
+    frames.dynamic_config().list_publishers(|publisher| {
+        holders.push(origin_of(publisher.node_id).to_string());
+        CallbackProgression::Continue
+    });
+    BusError::open(WHAT, format!("every place is taken, by {}", holders.join(", ")))
 }
 
 fn subscriber(frames: &Frames) -> Result<Subscriber<Carrier, [u8], ()>, BusError> {

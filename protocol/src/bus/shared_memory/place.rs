@@ -12,6 +12,7 @@ use iceoryx2::config::Config;
 use iceoryx2::prelude::{FileName, SemanticString};
 
 use super::super::BusError;
+use super::room::{self, Room};
 
 /// Where POSIX shared memory shows as files.
 const SHARED_MEMORY: &str = "/dev/shm";
@@ -94,6 +95,18 @@ impl Place {
                 .map_err(|error| BusError::open(WHAT, at(&file, &error)))?;
         }
         Ok(())
+    }
+
+    /// Looks whether the machine's shared memory has so much room.
+    pub(super) fn look_for(room: Room) -> Result<(), BusError> {
+        room::look_for(room, Path::new(SHARED_MEMORY))
+    }
+
+    /// Takes the room that the files of this place's bus may ever need.
+    pub(super) fn take_room(&self) -> Result<(), BusError> {
+        const WHAT: &str = "find the bus's files";
+        let files = self.shared_files().map_err(|error| BusError::open(WHAT, at(SHARED_MEMORY, &error)))?;
+        room::take(files, Path::new(SHARED_MEMORY))
     }
 
     /// Removes every file of this place's bus, whoever left it there.

@@ -1,24 +1,30 @@
 //! The ports of the shared-memory bus: iceoryx2's publishers, subscribers, notifiers and listeners behind the bus's
 //! traits. They move bytes and raise lines; which service is which, the parent module decides.
 
-use std::hint;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
+use iceoryx2::identifiers::UniqueNodeId;
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::ipc_threadsafe;
+use iceoryx2::service::header::payload_header::PayloadHeader;
 use iceoryx2_bb_posix::file_descriptor_set::{FileDescriptorSet, FileDescriptorSetWaitError, FileEvent};
 
 use super::super::line::Line;
-use super::super::{BusError, Lane, Receive, Tap, Transmit, Wake, Waker, check_length};
+use super::super::{
+    BUFFER_FRAMES, BusError, Lane, Origin, Receive, Received, Tap, Transmit, Wake, Waker, check_length,
+};
+use crate::MAX_FRAME_BYTES;
 
 /// iceoryx2 between processes, with ports that may move between threads.
 pub(super) type Carrier = ipc_threadsafe::Service;
 
 /// The longest single sleep in the kernel; `wait` may return early.
 const LONGEST_SLEEP: Duration = Duration::from_secs(3600);
+/// So many answers a tap takes at once: more than the cards say in any while, and an end to what a stranger may say.
+const AT_ONCE: usize = 2 * BUFFER_FRAMES;
 
 /// The sending half of a port.
 #[derive(Debug)]
@@ -65,27 +71,11 @@ impl SharedReceive {
 }
 
 impl Receive for SharedReceive {
-    fn receive(&self) -> Result<Option<Vec<u8>>, BusError> {
+    fn receive(&mut self) -> Result<Option<Received>, BusError> {
         next(&self.subscriber)
     }
 
-    fn look(&self, limit: Duration) -> Result<bool, BusError> {
-        let began = Instant::now();
-        loop {
-            let found = self.subscriber.has_samples();
-            if found.map_err(|error| BusError::broken("look for a frame", error))? {
-                // Whoever never sleeps would else let the line's raisings pile up.
-                self.lower()?;
-                return Ok(true);
-            }
-            if began.elapsed() >= limit {
-                return Ok(false);
-            }
-            hint::spin_loop();
-        }
-    }
-
-    fn wait(&self, limit: Duration) -> Result<(), BusError> {
+    fn wait(&mut self, limit: Duration) -> Result<(), BusError> {
         if self.lower()? {
             return Ok(());
         }
@@ -114,26 +104,39 @@ pub struct SharedTap {
 }
 
 impl Tap for SharedTap {
-    fn drain(&mut self, each: &mut dyn FnMut(Lane, &[u8])) -> Result<usize, BusError> {
+    fn drain(&mut self, each: &mut dyn FnMut(Lane, Origin, &[u8])) -> Result<usize, BusError> {
         // Answers are taken first and handed over last: whatever they answer is among the commands taken after them,
         // because the CCU gives a command to the taps before any card.
         let mut answers = Vec::new();
-        while let Some(answer) = next(&self.answers)? {
+        while answers.len() < AT_ONCE
+            && let Some(answer) = next(&self.answers)?
+        {
             answers.push(answer);
         }
         let mut commands = 0;
         while let Some(command) = next(&self.commands)? {
-            each(Lane::Commands, &command);
+            each(Lane::Commands, command.origin, &command.bytes);
             commands += 1;
         }
         for answer in &answers {
-            each(Lane::Answers, answer);
+            each(Lane::Answers, answer.origin, &answer.bytes);
         }
         Ok(commands + answers.len())
     }
 }
 
-fn next(subscriber: &Subscriber<Carrier, [u8], ()>) -> Result<Option<Vec<u8>>, BusError> {
+fn next(subscriber: &Subscriber<Carrier, [u8], ()>) -> Result<Option<Received>, BusError> {
     let sample = subscriber.receive().map_err(|error| BusError::broken("receive a frame", error))?;
-    Ok(sample.map(|sample| sample.payload().to_vec()))
+    Ok(sample.map(|sample| {
+        let payload = sample.payload();
+        // No member of the set sends more; others may.
+        let bytes = payload[..payload.len().min(MAX_FRAME_BYTES)].to_vec();
+        Received { origin: origin_of(sample.header().node_id()), bytes }
+    }))
+}
+
+/// The process that has made a node.
+pub(super) fn origin_of(node: UniqueNodeId) -> Origin {
+    let process = node.pid::<Carrier>().ok().and_then(|process| u32::try_from(process.value()).ok());
+    process.map_or(Origin::UNKNOWN, Origin)
 }

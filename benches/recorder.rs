@@ -1,15 +1,11 @@
-//! What the log costs: frames a second written and read, and bytes on disk, against the format library driven directly
-//! with the very same messages, in the same run. A plain program that prints a table:
-//!
-//! ```text
-//! cargo bench -p supersigma-ccu --bench log
-//! cargo bench -p supersigma-ccu --bench log -- --markdown > docs/src/generated/log.md
-//! ```
+//! What the log costs: frames a second written and read, and bytes on disk. The reference is the format library driven
+//! directly with the very same messages, chunks compressed at the same level: no order, no decoding, no twins made, and
+//! nothing on the disk before the end. Both are measured in turns.
 
 use std::collections::BTreeMap;
 use std::error::Error;
 use std::fs::{self, File};
-use std::io::{self, BufWriter, Write};
+use std::io::BufWriter;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -17,6 +13,7 @@ use axis_worker::clock::TimeScale;
 use ccu::log::{AxisNames, LogHeader, LogReader, LogWriter, Timeline, WallTime};
 use mcap::records::MessageHeader;
 use mcap::{MessageStream, WriteOptions};
+use rustix::time::{ClockId, clock_gettime};
 use supersigma_config::Config;
 use supersigma_protocol::bus::Lane;
 use supersigma_protocol::{
@@ -24,12 +21,18 @@ use supersigma_protocol::{
     Operation, Pace, Position, Report, Sender, SensePoint, Sequence, StatusWord, Steps, Tick, Ticks,
 };
 
-const FRAMES: u64 = 200_000;
+use crate::figure::Figure;
+
+const ROOM: &str = "recorder";
+const DIRECTLY: &str = "mcap directly, the same messages";
+const FRAMES: u32 = 200_000;
 /// Each figure is the best of so many rounds: what the machine does besides only makes it slower.
-const ROUNDS: usize = 3;
+const ROUNDS: usize = 5;
 /// Seven axes at time scale 20: a frame every 50 µs of real time.
 const TICKS_PER_FRAME: u64 = 100;
 const FLUSH: Duration = Duration::from_millis(100);
+
+type Outcome<T> = Result<T, Box<dyn Error>>;
 
 /// What the direct writer is given: a message as it stands in our log.
 struct Raw {
@@ -40,65 +43,71 @@ struct Raw {
     data: Vec<u8>,
 }
 
-/// One way of writing a log, or of reading one.
-struct Figure {
-    what: &'static str,
-    best: Duration,
+/// The best of some rounds.
+struct Best {
+    real: Duration,
+    /// Of all threads.
+    processor: Duration,
     bytes: u64,
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
-    let markdown = std::env::args().any(|argument| argument == "--markdown");
+pub(crate) fn measure() -> Outcome<Vec<Figure>> {
     let folder = tempfile::tempdir()?;
     let frames = traffic();
-    let ours = folder.path().join("ours.mcap");
+    let [ours, direct] = ["ours.mcap", "direct.mcap"].map(|name| folder.path().join(name));
+    write_ours(&ours, &frames)?;
+    let (raw, topics) = messages(&ours)?;
+    assert_eq!(
+        raw.iter().filter(|raw| topics[usize::from(raw.channel)] == "/microbus").count(),
+        frames.len()
+    );
 
-    let log = measure("this log: raw frames and JSON twins", || write_ours(&ours, &frames))?;
-    let (twinned, topics) = messages(&ours)?;
-    let raw: Vec<&Raw> =
-        twinned.iter().filter(|raw| topics[usize::from(raw.channel)] == "/microbus").collect();
-    assert_eq!(raw.len() as u64, FRAMES);
-    let all: Vec<&Raw> = twinned.iter().collect();
-    let direct = folder.path().join("direct.mcap");
-    let direct_raw = measure("mcap directly: raw frames alone", || write_directly(&direct, &topics, &raw))?;
-    let direct_all = measure("mcap directly: the same messages", || write_directly(&direct, &topics, &all))?;
-
-    let read_log = measure("this log: frames, decoded", || read_ours(&ours))?;
-    let read_direct = measure("mcap directly: all messages", || read_directly(&ours))?;
-
-    let mut out = io::stdout().lock();
-    if markdown {
-        writeln!(out, "<!-- Made by the benchmark `log` of the crate ccu; do not edit. -->\n")?;
+    let [mut written, mut given, mut read, mut streamed] = [(); 4].map(|()| Best::none());
+    for _ in 0..ROUNDS {
+        written.round(|| write_ours(&ours, &frames))?;
+        given.round(|| write_directly(&direct, &topics, &raw))?;
+        read.round(|| read_ours(&ours))?;
+        streamed.round(|| read_directly(&ours))?;
     }
-    table(&mut out, "written", &[&direct_raw, &direct_all, &log], &direct_all)?;
-    table(&mut out, "read", &[&read_direct, &read_log], &read_direct)?;
-    Ok(())
+    let frames_a_second = |best: &Best| f64::from(FRAMES) / best.real.as_secs_f64();
+    let processor_a_frame = |best: &Best| best.processor.as_secs_f64() * 1e6 / f64::from(FRAMES);
+    Ok(vec![
+        Figure::new(ROOM, "frames written, each with its twin", frames_a_second(&written), "frames/s")
+            .at_least(300_000.0),
+        Figure::new(ROOM, "the same beside its reference", frames_a_second(&written), "frames/s")
+            .against(DIRECTLY, frames_a_second(&given))
+            .ratio_at_least(0.8),
+        Figure::new(ROOM, "processor time of all threads, a frame", processor_a_frame(&written), "µs")
+            .against(DIRECTLY, processor_a_frame(&given)),
+        Figure::new(ROOM, "on disk, a frame", bytes_a_frame(&written), "bytes")
+            .against(DIRECTLY, bytes_a_frame(&given))
+            .ratio_at_most(1.1),
+        Figure::new(ROOM, "frames read and decoded", frames_a_second(&read), "frames/s")
+            .against("mcap directly, all messages", frames_a_second(&streamed)),
+    ])
 }
 
 #[expect(clippy::cast_precision_loss, reason = "figures for people")]
-fn table(out: &mut impl Write, done: &str, figures: &[&Figure], base: &Figure) -> io::Result<()> {
-    let rate = |figure: &Figure| FRAMES as f64 / figure.best.as_secs_f64();
-    writeln!(out, "| {done} | frames/s | of mcap directly | bytes a frame |")?;
-    writeln!(out, "|---|---:|---:|---:|")?;
-    for figure in figures {
-        let share = 100.0 * rate(figure) / rate(base);
-        let bytes = figure.bytes as f64 / FRAMES as f64;
-        writeln!(out, "| {} | {:.0} | {share:.0} % | {bytes:.1} |", figure.what, rate(figure))?;
-    }
-    writeln!(out)
+fn bytes_a_frame(best: &Best) -> f64 {
+    best.bytes as f64 / f64::from(FRAMES)
 }
 
-fn measure(
-    what: &'static str,
-    mut work: impl FnMut() -> Result<u64, Box<dyn Error>>,
-) -> Result<Figure, Box<dyn Error>> {
-    let mut figure = Figure { what, best: Duration::MAX, bytes: 0 };
-    for _ in 0..ROUNDS {
-        let began = Instant::now();
-        figure.bytes = work()?;
-        figure.best = figure.best.min(began.elapsed());
+impl Best {
+    const fn none() -> Self {
+        Self { real: Duration::MAX, processor: Duration::MAX, bytes: 0 }
     }
-    Ok(figure)
+
+    fn round(&mut self, work: impl FnOnce() -> Outcome<u64>) -> Outcome<()> {
+        let (began, processor) = (Instant::now(), processor_time()?);
+        self.bytes = work()?;
+        self.real = self.real.min(began.elapsed());
+        self.processor = self.processor.min(processor_time()?.saturating_sub(processor));
+        Ok(())
+    }
+}
+
+fn processor_time() -> Outcome<Duration> {
+    Ok(clock_gettime(ClockId::ProcessCPUTime).try_into()?)
 }
 
 /// A bus on which seven axes move: every tenth frame a command, the others the axes' answers in turn.
@@ -108,7 +117,7 @@ fn traffic() -> Vec<(Lane, Tick, Vec<u8>)> {
         sequences[sender] += 1;
         Sequence(sequences[sender] - 1)
     };
-    let frames = (0..FRAMES).map(|number| {
+    let frames = (0..u64::from(FRAMES)).map(|number| {
         let tick = Tick(number * TICKS_PER_FRAME);
         let turn = usize::try_from(number).unwrap_or(0);
         let axis = AxisNumber::all().nth(turn % AxisNumber::COUNT).expect("1 to 7");
@@ -142,7 +151,7 @@ fn traffic() -> Vec<(Lane, Tick, Vec<u8>)> {
 }
 
 /// As the recorder does it: a look every 10 ms.
-fn write_ours(path: &Path, frames: &[(Lane, Tick, Vec<u8>)]) -> Result<u64, Box<dyn Error>> {
+fn write_ours(path: &Path, frames: &[(Lane, Tick, Vec<u8>)]) -> Outcome<u64> {
     let _ = fs::remove_file(path);
     let config = Config::default_set();
     let header = LogHeader {
@@ -164,12 +173,12 @@ fn write_ours(path: &Path, frames: &[(Lane, Tick, Vec<u8>)]) -> Result<u64, Box<
         }
     }
     let summary = writer.finish()?;
-    assert_eq!((summary.frames, summary.lost), (FRAMES, 0));
+    assert_eq!((summary.frames, summary.lost), (u64::from(FRAMES), 0), "a gap");
     Ok(summary.bytes)
 }
 
 /// Every message of a log as it stands there, and the channels' topics by number.
-fn messages(path: &Path) -> Result<(Vec<Raw>, Vec<String>), Box<dyn Error>> {
+fn messages(path: &Path) -> Outcome<(Vec<Raw>, Vec<String>)> {
     let bytes = fs::read(path)?;
     let mut topics = vec![String::new(); 64];
     let mut messages = Vec::new();
@@ -187,8 +196,8 @@ fn messages(path: &Path) -> Result<(Vec<Raw>, Vec<String>), Box<dyn Error>> {
     Ok((messages, topics))
 }
 
-/// The format library with the options of the log, and nothing else: no order, no decoding, no flush in between.
-fn write_directly(path: &Path, topics: &[String], messages: &[&Raw]) -> Result<u64, Box<dyn Error>> {
+/// The format library with the log's options, which are its own but for these two.
+fn write_directly(path: &Path, topics: &[String], messages: &[Raw]) -> Outcome<u64> {
     let options = WriteOptions::new().compression_threads(0).disable_seeking(true);
     let mut mcap = options.create(BufWriter::new(File::create(path)?))?;
     let nothing = BTreeMap::new();
@@ -214,18 +223,18 @@ fn write_directly(path: &Path, topics: &[String], messages: &[&Raw]) -> Result<u
     Ok(file.metadata()?.len())
 }
 
-fn read_ours(path: &Path) -> Result<u64, Box<dyn Error>> {
+fn read_ours(path: &Path) -> Outcome<u64> {
     let mut frames = 0;
     for frame in LogReader::open(path)? {
-        frames += u64::from(frame?.frame.is_ok());
+        frames += u32::from(frame?.frame.is_ok());
     }
     assert_eq!(frames, FRAMES);
     Ok(fs::metadata(path)?.len())
 }
 
-fn read_directly(path: &Path) -> Result<u64, Box<dyn Error>> {
+fn read_directly(path: &Path) -> Outcome<u64> {
     let bytes = fs::read(path)?;
     let count = MessageStream::new(&bytes)?.flatten().count();
-    assert!(count as u64 >= FRAMES);
+    assert!(count >= usize::try_from(FRAMES)?);
     Ok(bytes.len() as u64)
 }
