@@ -31,54 +31,50 @@ type Failed = Box<dyn Error>;
 struct Sides {
     bare: Times,
     socket: Times,
-    /// One card again and again, with looks before sleeping and without.
-    one: [Times; 2],
+    /// One card again and again.
+    one: Times,
     /// One card after the other.
-    turns: [Times; 2],
+    turns: Times,
 }
 
 pub(crate) fn measure() -> Result<Vec<Figure>, Failed> {
     let folder = tempfile::Builder::new().prefix("ssb").tempdir_in("/tmp")?;
-    let looking = Config::default_set();
-    let mut sleeping = looking.clone();
-    sleeping.bus.look_us = 0;
-    let sets =
-        [LiveSet::up(folder.path(), "looking", looking)?, LiveSet::up(folder.path(), "sleeping", sleeping)?];
+    let set = LiveSet::up(folder.path(), "bus", Config::default_set())?;
     let mut figures = Vec::new();
-    let mut links = [sets[0].link(), sets[1].link()];
+    let mut link = set.link();
     for (busy, machine) in [(false, "idle"), (true, "busy")] {
         let hogs = if busy { Peer::everywhere()? } else { Vec::new() };
         let place = folder.path().join(machine);
         std::fs::create_dir(&place)?;
-        let sides = sides(&place, &mut links)?;
+        let sides = sides(&place, &mut link)?;
         drop(hogs);
         figures.extend(told(machine, sides));
     }
-    drop(links);
-    for set in sets {
-        let report = set.down();
-        if report.lost != Some(0) {
-            return Err(format!("the log lacks frames: {report:?}").into());
-        }
+    drop(link);
+    let report = set.down();
+    if report.lost != Some(0) {
+        return Err(format!("the log lacks frames: {report:?}").into());
     }
     Ok(figures)
 }
 
-fn sides(place: &std::path::Path, links: &mut [LiveLink; 2]) -> Result<Sides, Failed> {
+fn sides(place: &std::path::Path, link: &mut LiveLink) -> Result<Sides, Failed> {
     let (mut bare, _far) = SharedMemory::pair(place)?;
     let (mut socket, _other) = Sockets::pair(place)?;
     let axes: Vec<AxisNumber> = AxisNumber::all().collect();
-    let none = || [Times::default(), Times::default()];
-    let mut sides = Sides { bare: Times::default(), socket: Times::default(), one: none(), turns: none() };
+    let mut sides = Sides {
+        bare: Times::default(),
+        socket: Times::default(),
+        one: Times::default(),
+        turns: Times::default(),
+    };
     for _ in 0..ROUNDS {
         trips(&mut sides.bare, |_| bare.trip())?;
         trips(&mut sides.socket, |_| socket.trip())?;
-        for (link, (one, turns)) in links.iter_mut().zip(sides.one.iter_mut().zip(&mut sides.turns)) {
-            // What was said while the others were measured.
-            while link.hear(Tick(0))?.is_some() {}
-            trips(one, |_| ask(link, axes[0]))?;
-            trips(turns, |number| ask(link, axes[number % axes.len()]))?;
-        }
+        // What was said while the others were measured.
+        while link.hear(Tick(0))?.is_some() {}
+        trips(&mut sides.one, |_| ask(link, axes[0]))?;
+        trips(&mut sides.turns, |number| ask(link, axes[number % axes.len()]))?;
     }
     Ok(sides)
 }
@@ -118,8 +114,8 @@ fn told(machine: &str, mut sides: Sides) -> Vec<Figure> {
         figures.push(figure(BARE, bare));
         figures.push(figure(SOCKET, socket));
         for (what, times) in [
-            ("command to answer, one card", &mut sides.one[0]),
-            ("command to answer, cards in turn", &mut sides.turns[0]),
+            ("command to answer, one card", &mut sides.one),
+            ("command to answer, cards in turn", &mut sides.turns),
         ] {
             let to_bare = figure(what, times.share(share)).against(BARE, bare);
             figures.push(match name {
@@ -130,12 +126,6 @@ fn told(machine: &str, mut sides: Sides) -> Vec<Figure> {
             if name == "p50" {
                 figures.push(figure(what, times.share(share)).against(SOCKET, socket).ratio_at_most(1.0));
             }
-        }
-        for (what, times) in [
-            ("without looking, one card", &mut sides.one[1]),
-            ("without looking, cards in turn", &mut sides.turns[1]),
-        ] {
-            figures.push(figure(what, times.share(share)).against(BARE, bare));
         }
     }
     figures

@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use supersigma_config::{Config, ConfigError};
 use supersigma_protocol::bus::shared_memory::{Place, SharedBus};
-use supersigma_protocol::bus::{Bus, BusError, Look, Origin, Receive, Strangers, Transmit, Wake, Waker};
+use supersigma_protocol::bus::{Bus, BusError, Origin, Receive, Strangers, Transmit, Wake, Waker};
 use supersigma_protocol::{
     About, Address, Alarm, Answer, AxisReport, Body, CardKind, Frame, Occasion, Report, Sender, Sequence,
     Tick, Ticks,
@@ -108,7 +108,6 @@ pub fn run(args: &WorkerArgs) -> Result<(), WorkerError> {
         receive,
         ccu: Origin(args.ccu),
         strangers: Strangers::default(),
-        look: Look::new(Duration::from_micros(config.bus.look_us.into())),
         heartbeat,
         sequence: Sequence(0),
         said: Vec::new(),
@@ -142,7 +141,6 @@ struct Worker<T, R> {
     /// Whose commands are obeyed.
     ccu: Origin,
     strangers: Strangers,
-    look: Look,
     heartbeat: Ticks,
     sequence: Sequence,
     /// What the card has said and the bus has not got yet; kept to reuse its memory.
@@ -204,7 +202,7 @@ impl<T: Transmit, R: Receive> Worker<T, R> {
             }
             let next = self.card.next_event().map_or(heartbeat, |event| event.min(heartbeat));
             if !more {
-                self.look.wait(&self.receive, self.clock.until(next))?;
+                self.receive.wait(self.clock.until(next))?;
             }
         }
         self.leave(lifeline)

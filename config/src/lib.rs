@@ -24,9 +24,9 @@ pub use document::KeyPath;
 pub use fault::{ConfigError, Fault};
 pub use load::DEFAULT_TOML;
 pub use model::{
-    AxisConfig, BusConfig, Config, DigitalConfig, ExecutiveConfig, Feedback, FollowingConfig, InputConfig,
-    LineConfig, LogConfig, OnLoss, OriginationConfig, OutputConfig, RailConfig, RealTimeConfig,
-    SchedulingPolicy, SupervisionConfig, TravelConfig,
+    AxisConfig, Config, DigitalConfig, ExecutiveConfig, Feedback, FollowingConfig, InputConfig, LineConfig,
+    LogConfig, OnLoss, OriginationConfig, OutputConfig, RailConfig, RealTimeConfig, SchedulingPolicy,
+    SupervisionConfig, TravelConfig,
 };
 pub use motor::{HALF_STEPS_PER_CYCLE, MotorConfig, MotorError};
 pub use origin::{Origin, Source};

@@ -22,9 +22,6 @@ pub struct Config {
     /// How the CCU knows that a process is alive.
     #[serde(default)]
     pub supervision: SupervisionConfig,
-    /// The bus.
-    #[serde(default)]
-    pub bus: BusConfig,
     /// What the cards' processes ask of the system, to be in time on a busy machine.
     #[serde(default)]
     pub real_time: RealTimeConfig,
@@ -93,22 +90,6 @@ pub struct SupervisionConfig {
 impl Default for SupervisionConfig {
     fn default() -> Self {
         Self { heartbeat_ms: 100, silent_ms: 450, restart: true }
-    }
-}
-
-/// The bus.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct BusConfig {
-    /// For so many microseconds, 1000 at most, a process that expects a frame at any moment looks for it before it sleeps; 0
-    /// for never. It is not done when it does not pay, nor on a single processor.
-    #[schemars(range(max = 1_000))]
-    pub look_us: u32,
-}
-
-impl Default for BusConfig {
-    fn default() -> Self {
-        Self { look_us: 60 }
     }
 }
 

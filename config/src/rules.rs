@@ -9,8 +9,6 @@ use crate::{AxisConfig, Config, Feedback, KeyPath, MotorConfig, Profile, RampCon
 
 /// Positions are then far from the ends of their type.
 const LONGEST_RAIL: u32 = 1_000_000;
-/// A look before sleeping is to save some tens of microseconds.
-const LONGEST_LOOK_US: u32 = 1_000;
 /// As many as the system's call takes.
 const HIGHEST_CPU: u16 = 1_023;
 
@@ -122,13 +120,6 @@ impl Findings {
 
     fn processes(&mut self, config: &Config) {
         let refused = |reason: &str| Problem::Refused { reason: reason.to_owned() };
-        if config.bus.look_us > LONGEST_LOOK_US {
-            let reason = format!(
-                "{} µs are too long to keep a processor busy for nothing, at most {LONGEST_LOOK_US}",
-                config.bus.look_us
-            );
-            self.add(KeyPath::default().key("bus").key("look_us"), refused(&reason));
-        }
         let (real_time, table) = (&config.real_time, KeyPath::default().key("real_time"));
         if !(1..=99).contains(&real_time.priority) {
             self.add(table.key("priority"), refused("a priority is 1 to 99, the highest"));

@@ -131,14 +131,13 @@ fn what_the_default_text_says_is_what_the_code_does_without_it() {
     assert_eq!(set.line, LineConfig::default());
     assert_eq!(set.executive, ExecutiveConfig::default());
     assert_eq!(set.supervision, SupervisionConfig::default());
-    assert_eq!(set.bus, BusConfig::default());
     assert_eq!(set.real_time, RealTimeConfig::default());
     assert_eq!(set.log, LogConfig::default());
     assert_eq!(set.axes[0].origination, OriginationConfig::default());
     // Nothing of those tables is left to a default: each key that the model has is in the text.
     let text: toml::Table = DEFAULT_TOML.parse().expect("TOML");
     let written: toml::Table = set.to_toml().parse().expect("TOML");
-    for table in ["ramp", "line", "executive", "supervision", "bus", "real_time", "log"] {
+    for table in ["ramp", "line", "executive", "supervision", "real_time", "log"] {
         assert_eq!(text[table], written[table], "{table}");
     }
 }

@@ -36,7 +36,6 @@ over_both_carriers! {
     answer_ready_wakes_the_ccu_alone,
     a_waiting_card_is_woken_by_a_command,
     a_waiting_port_is_woken_by_another_thread,
-    a_look_finds_what_is_there,
     a_slow_reader_loses_frames_and_blocks_nobody,
     a_tap_hears_a_command_before_its_answer,
     a_dropped_reader_is_forgotten,
@@ -58,19 +57,6 @@ impl Drop for Swept {
     fn drop(&mut self) {
         SharedBus::sweep(&self.0).unwrap();
     }
-}
-
-fn a_look_finds_what_is_there(bus: &impl Bus) {
-    let (mut ccu, _answers) = bus.ccu().unwrap();
-    let (_, mut card) = bus.card(Address(3)).unwrap();
-    assert!(!card.look(QUIET).unwrap());
-    ccu.send(&frame(1), Wake::Card(Address(3))).unwrap();
-    assert!(card.look(GENEROUS).unwrap());
-    // It was looked for, so nobody needs to be woken for it; and it was not taken.
-    assert!(is_woken(&mut card, false));
-    assert!(card.look(Duration::ZERO).unwrap());
-    assert_eq!(next(&mut card), 1);
-    assert!(!card.look(Duration::ZERO).unwrap());
 }
 
 fn commands_reach_every_card_in_order(bus: &impl Bus) {
@@ -159,7 +145,7 @@ fn a_waiting_card_is_woken_by_a_command(bus: &impl Bus<Receive: 'static>) {
 }
 
 fn a_waiting_port_is_woken_by_another_thread(bus: &impl Bus<Receive: 'static>) {
-    let (_commands, ccu) = bus.ccu().unwrap();
+    let (_commands, mut ccu) = bus.ccu().unwrap();
     let waker = ccu.waker();
     let woken = thread::spawn(move || {
         let begun = Instant::now();
@@ -265,7 +251,7 @@ fn a_port_hears_nothing_from_before_its_time(bus: &impl Bus) {
 
 fn a_frame_of_any_permitted_length_passes_and_a_longer_one_is_refused(bus: &impl Bus) {
     let (mut ccu, _answers) = bus.ccu().unwrap();
-    let (_answers_of_it, card) = bus.card(Address(1)).unwrap();
+    let (_answers_of_it, mut card) = bus.card(Address(1)).unwrap();
     for length in 0..=MAX_FRAME_BYTES {
         let bytes: Vec<u8> = (0..=u8::MAX).cycle().skip(length).take(length).collect();
         ccu.send(&bytes, Wake::Nobody).unwrap();

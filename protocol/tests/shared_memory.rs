@@ -28,9 +28,9 @@ fn nothing_stays_in_memory_or_folder_after_a_sweep() {
     let home = Home::new();
     let bus = SharedBus::create(&home.place).unwrap();
     let (mut ccu, answers) = bus.ccu().unwrap();
-    let (card, commands) = bus.card(Address(1)).unwrap();
+    let (card, mut commands) = bus.card(Address(1)).unwrap();
     ccu.send(b"x", Wake::Everyone).unwrap();
-    assert_eq!(all(&commands), [b"x"]);
+    assert_eq!(all(&mut commands), [b"x"]);
     assert!(!home.in_shared_memory().is_empty() && home.bus_folder().is_dir());
     drop((ccu, answers, card, commands, bus));
     SharedBus::sweep(&home.place).unwrap();
@@ -44,7 +44,7 @@ fn a_sweep_under_a_living_port_spares_the_process() {
     let home = Home::new();
     let bus = SharedBus::create(&home.place).unwrap();
     let (mut ccu, answers) = bus.ccu().unwrap();
-    let (card, commands) = bus.card(Address(1)).unwrap();
+    let (card, mut commands) = bus.card(Address(1)).unwrap();
     SharedBus::sweep(&home.place).unwrap();
     ccu.send(b"x", Wake::Everyone).unwrap();
     while commands.receive().unwrap().is_some() {}
@@ -95,16 +95,16 @@ fn two_sets_do_not_hear_each_other() {
         (SharedBus::create(&left.place).unwrap(), SharedBus::create(&right.place).unwrap());
     let (mut left_ccu, _left_answers) = left_bus.ccu().unwrap();
     let (mut right_ccu, _right_answers) = right_bus.ccu().unwrap();
-    let (_left_card, left_commands) = left_bus.card(Address(1)).unwrap();
-    let (_right_card, right_commands) = right_bus.card(Address(1)).unwrap();
+    let (_left_card, mut left_commands) = left_bus.card(Address(1)).unwrap();
+    let (_right_card, mut right_commands) = right_bus.card(Address(1)).unwrap();
     left_ccu.send(b"left", Wake::Everyone).unwrap();
     right_ccu.send(b"right", Wake::Everyone).unwrap();
-    assert_eq!(all(&left_commands), [b"left"]);
-    assert_eq!(all(&right_commands), [b"right"]);
+    assert_eq!(all(&mut left_commands), [b"left"]);
+    assert_eq!(all(&mut right_commands), [b"right"]);
     drop((left_ccu, left_bus));
     SharedBus::sweep(&left.place).unwrap();
     right_ccu.send(b"still", Wake::Everyone).unwrap();
-    assert_eq!(all(&right_commands), [b"still"]);
+    assert_eq!(all(&mut right_commands), [b"still"]);
 }
 
 #[test]
@@ -191,7 +191,7 @@ fn child_card_that_echoes() {
         return;
     };
     let bus = SharedBus::join(&place).unwrap();
-    let (mut answers, commands) = bus.card(Address(3)).unwrap();
+    let (mut answers, mut commands) = bus.card(Address(3)).unwrap();
     say_ready();
     loop {
         while let Some(command) = commands.receive().unwrap() {
@@ -208,7 +208,7 @@ fn child_ccu_that_does_nothing() {
         return;
     };
     let bus = SharedBus::create(&place).unwrap();
-    let (_commands, answers) = bus.ccu().unwrap();
+    let (_commands, mut answers) = bus.ccu().unwrap();
     say_ready();
     loop {
         answers.wait(GENEROUS).unwrap();
@@ -292,7 +292,7 @@ fn say_ready() {
     std::io::stdout().flush().unwrap();
 }
 
-fn all(port: &SharedReceive) -> Vec<Vec<u8>> {
+fn all(port: &mut SharedReceive) -> Vec<Vec<u8>> {
     std::iter::from_fn(|| port.receive().unwrap()).map(|frame| frame.bytes).collect()
 }
 

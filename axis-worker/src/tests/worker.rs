@@ -40,7 +40,6 @@ fn at_speed<T: Transmit>(transmit: T) -> Worker<T, impl Receive> {
     let speaks = card.speak(Occasion::Heartbeat).report;
     assert!(matches!(speaks, Report::Axis(AxisReport { activity: Activity::Cruising, .. })), "{speaks:?}");
     let (_, receive) = InProcessBus::new().card(card.address()).expect("a port");
-    let look = Look::new(Duration::ZERO);
     let now = Monotonic::now().as_nanos();
     let clock = Clock::new(Monotonic::from_nanos(now - card.now().0 * 500), TimeScale::REAL);
     let (heartbeat, sequence) = (Ticks(100_000), Sequence(0));
@@ -51,7 +50,6 @@ fn at_speed<T: Transmit>(transmit: T) -> Worker<T, impl Receive> {
         receive,
         ccu: Origin::own(),
         strangers: Strangers::default(),
-        look,
         heartbeat,
         sequence,
         said: Vec::new(),
@@ -110,7 +108,6 @@ fn a_worker_obeys_its_ccu_alone() {
         clock: worker.clock,
         transmit: worker.transmit,
         strangers: Strangers::default(),
-        look: worker.look,
         heartbeat: worker.heartbeat,
         sequence: worker.sequence,
         said: Vec::new(),

@@ -1,6 +1,5 @@
 //! The CCU's end of the bus: one thread that hears everything, and what it knows of the cards. Whoever waits for something
-//! subscribes; whoever commands goes through the one sending half. Whoever waits for the answer to a command may look for it
-//! on the bus himself, which saves him being woken by the thread. No process is started in here.
+//! subscribes; whoever commands goes through the one sending half. No process is started in here.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -10,7 +9,7 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use axis_worker::clock::Clock;
-use supersigma_protocol::bus::{BusError, Lane, Look, Receive, Received, Strangers, Transmit, Wake, Waker};
+use supersigma_protocol::bus::{BusError, Lane, Receive, Received, Strangers, Transmit, Wake, Waker};
 use supersigma_protocol::{
     About, Activity, Address, Answer, AxisNumber, Body, Broadcast, CardKind, Command, Fault, Frame, Occasion,
     Operation, Report, Sender, Sequence, Tick, Ticks,
@@ -59,10 +58,6 @@ pub(super) struct Exchange {
     clock: Clock,
     members: Members,
     port: Mutex<Port>,
-    /// Who holds it, takes frames from the bus, and keeps their order. `None` once the exchange has stopped.
-    ears: Mutex<Option<Ears>>,
-    /// Whether the thread sleeps, perhaps for long.
-    dozing: AtomicBool,
     state: Mutex<State>,
     feed: Feed,
     over: AtomicBool,
@@ -73,12 +68,6 @@ pub(super) struct Exchange {
 struct Port {
     ends: Option<(Box<dyn Transmit>, Waker)>,
     sequence: Sequence,
-}
-
-struct Ears {
-    receive: Arc<dyn Receive>,
-    look: Look,
-    strangers: Strangers,
 }
 
 #[derive(Default)]
@@ -106,8 +95,6 @@ impl Exchange {
         transmit: impl Transmit + 'static,
         receive: impl Receive + 'static,
     ) -> Result<(Arc<Self>, JoinHandle<()>), BusError> {
-        let receive: Arc<dyn Receive> = Arc::new(receive);
-        let look = Look::new(Duration::from_micros(knowledge.config.bus.look_us.into()));
         let exchange = Arc::new(Self {
             knowledge,
             common: Arc::default(),
@@ -117,24 +104,15 @@ impl Exchange {
                 ends: Some((Box::new(transmit), receive.waker())),
                 sequence: Sequence(0),
             }),
-            ears: Mutex::new(Some(Ears {
-                receive: Arc::clone(&receive),
-                look,
-                strangers: Strangers::default(),
-            })),
-            dozing: AtomicBool::new(false),
             state: Mutex::default(),
             feed: Feed::default(),
             over: AtomicBool::new(false),
         });
         let listening = Arc::clone(&exchange);
-        let thread = thread::Builder::new()
-            .name("exchange".into())
-            .spawn(move || listening.listen(&*receive))
-            .map_err(|error| BusError::Open {
-                what: "start the exchange's thread",
-                reason: error.to_string(),
-            })?;
+        let thread =
+            thread::Builder::new().name("exchange".into()).spawn(move || listening.listen(receive)).map_err(
+                |error| BusError::Open { what: "start the exchange's thread", reason: error.to_string() },
+            )?;
         Ok((exchange, thread))
     }
 
@@ -148,7 +126,7 @@ impl Exchange {
 
     /// A link for one executive. It hears everything from now on, until `cancelled` is set.
     pub(super) fn link(self: &Arc<Self>, cancelled: Arc<AtomicBool>) -> LiveLink {
-        LiveLink { heard: self.subscribe(), exchange: Arc::clone(self), cancelled, awaited: 0 }
+        LiveLink { heard: self.subscribe(), exchange: Arc::clone(self), cancelled }
     }
 
     /// Everything that is heard from now on.
@@ -265,11 +243,11 @@ impl Exchange {
         state.tell(&Heard::GoingDown);
     }
 
-    fn listen(&self, receive: &dyn Receive) {
-        let mut more = false;
+    fn listen(&self, mut receive: impl Receive) {
+        let (mut strangers, mut more) = (Strangers::default(), false);
         while !self.over.load(Ordering::Acquire) {
-            let heard = if more { Ok(()) } else { self.sleep(receive) }.and_then(|()| self.drain());
-            match heard {
+            let waited = if more { Ok(()) } else { receive.wait(self.patience()) };
+            match waited.and_then(|()| self.drain(&mut receive, &mut strangers)) {
                 Ok(there_is_more) => more = there_is_more,
                 Err(error) => {
                     tracing::error!(%error, "the CCU does not hear any more");
@@ -280,7 +258,7 @@ impl Exchange {
             self.look_for_silence();
         }
         for _ in 0..LAST_LOOKS {
-            match self.drain() {
+            match self.drain(&mut receive, &mut strangers) {
                 Ok(true) => {}
                 Ok(false) => break,
                 Err(error) => {
@@ -289,44 +267,11 @@ impl Exchange {
                 }
             }
         }
-        *self.ears() = None;
         self.feed.end();
     }
 
-    /// Waits for a frame, or until it is time to look for those that wake nobody.
-    fn sleep(&self, receive: &dyn Receive) -> Result<(), BusError> {
-        // Set before the state is looked at: whoever changes it afterwards sees that somebody may sleep long.
-        self.dozing.store(true, Ordering::SeqCst);
-        let woken = receive.wait(self.patience());
-        self.dozing.store(false, Ordering::SeqCst);
-        woken
-    }
-
-    /// Looks for the answer to a command that was sent just now; whether something has come. If somebody else takes frames at the
-    /// moment, he tells of them.
-    fn look_for_answer(&self) -> Result<bool, BusError> {
-        let Ok(mut ears) = self.ears.try_lock() else { return Ok(false) };
-        let Some(Ears { receive, look, strangers }) = &mut *ears else { return Ok(false) };
-        if !look.for_answer(&**receive)? {
-            return Ok(false);
-        }
-        self.drain_into(&**receive, strangers)?;
-        // What set an axis moving was heard here: the thread, which has not been woken, must look more often from now on.
-        if self.dozing.load(Ordering::SeqCst) && self.patience() == LOOK {
-            receive.waker().wake();
-        }
-        Ok(true)
-    }
-
     /// Takes what is on the bus; says whether there may be more.
-    fn drain(&self) -> Result<bool, BusError> {
-        match &mut *self.ears() {
-            Some(Ears { receive, strangers, .. }) => self.drain_into(&**receive, strangers),
-            None => Ok(false),
-        }
-    }
-
-    fn drain_into(&self, receive: &dyn Receive, strangers: &mut Strangers) -> Result<bool, BusError> {
+    fn drain(&self, receive: &mut impl Receive, strangers: &mut Strangers) -> Result<bool, BusError> {
         let mut taken = 0;
         while taken < AT_ONCE
             && let Some(received) = receive.receive()?
@@ -440,10 +385,6 @@ impl Exchange {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn ears(&self) -> MutexGuard<'_, Option<Ears>> {
-        self.ears.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     fn port(&self) -> MutexGuard<'_, Port> {
         self.port.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -460,19 +401,9 @@ pub struct LiveLink {
     exchange: Arc<Exchange>,
     heard: Receiver<Heard>,
     cancelled: Arc<AtomicBool>,
-    /// So many answers must come at any moment.
-    awaited: usize,
 }
 
 impl LiveLink {
-    /// Takes note of what is heard.
-    fn note(&mut self, heard: Heard) -> Heard {
-        if matches!(heard, Heard::Answer(Answer { about: About::Command(..), .. })) {
-            self.awaited = self.awaited.saturating_sub(1);
-        }
-        heard
-    }
-
     /// Moves need a log and living cards; stopping and asking do not.
     fn check(&self, broadcast: &Broadcast) -> Result<(), Failure> {
         let Ok(command) = Command::decode(broadcast.bytes.as_slice()) else {
@@ -527,9 +458,7 @@ impl Link for LiveLink {
 
     fn send(&mut self, broadcast: Broadcast) -> Result<Sequence, Failure> {
         self.check(&broadcast)?;
-        let sent = self.exchange.send(broadcast).map_err(bus_gone)?;
-        self.awaited += 1;
-        Ok(sent)
+        self.exchange.send(broadcast).map_err(|error| Failure::BusGone { reason: error.to_string() })
     }
 
     fn inject(&mut self, axis: AxisNumber, fault: Fault) -> Result<Sequence, Failure> {
@@ -538,7 +467,7 @@ impl Link for LiveLink {
             return Err(Failure::WorkerGone { card });
         }
         let sent = self.exchange.put(Body::Fault(axis, fault), Wake::Card(card));
-        sent.map_err(bus_gone)
+        sent.map_err(|error| Failure::BusGone { reason: error.to_string() })
     }
 
     fn hear(&mut self, until: Tick) -> Result<Option<Heard>, Failure> {
@@ -547,17 +476,8 @@ impl Link for LiveLink {
                 return Err(Failure::Cancelled);
             }
             let left = self.exchange.clock.until(until);
-            if self.awaited > 0 && !left.is_zero() {
-                if let Ok(heard) = self.heard.try_recv() {
-                    return Ok(Some(self.note(heard)));
-                }
-                if self.exchange.look_for_answer().map_err(bus_gone)? {
-                    continue;
-                }
-                self.awaited = 0;
-            }
             match self.heard.recv_timeout(left.min(LOOK)) {
-                Ok(heard) => return Ok(Some(self.note(heard))),
+                Ok(heard) => return Ok(Some(heard)),
                 Err(RecvTimeoutError::Timeout) if left <= LOOK => return Ok(None),
                 // It may have been told, and forgotten, just before the request began.
                 Err(RecvTimeoutError::Timeout) if self.exchange.state().going_down => {
@@ -568,9 +488,4 @@ impl Link for LiveLink {
             }
         }
     }
-}
-
-#[expect(clippy::needless_pass_by_value, reason = "it stands where errors are mapped")]
-fn bus_gone(error: BusError) -> Failure {
-    Failure::BusGone { reason: error.to_string() }
 }

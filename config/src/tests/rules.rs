@@ -305,10 +305,12 @@ fn motors_can_be() {
 #[test]
 fn what_processes_may_ask_of_the_machine() {
     for (text, place) in [
-        ("[bus]\nlook_us = 1001\n", "7:11: bus.look_us: 1001 µs are too long"),
-        ("[real_time]\npriority = 0\n", "7:12: real_time.priority: a priority is 1 to 99"),
-        ("[real_time]\npriority = 100\n", "7:12: real_time.priority: a priority is 1 to 99"),
-        ("[real_time]\ncpus = [0, 1024]\n", "7:12: real_time.cpus[1]: there is no processor 1024"),
+        ("[real_time]\npriority = 0\n", "7:12: real_time.priority: a priority is 1 to 99, the highest"),
+        ("[real_time]\npriority = 100\n", "7:12: real_time.priority: a priority is 1 to 99, the highest"),
+        (
+            "[real_time]\ncpus = [0, 1024]\n",
+            "7:12: real_time.cpus[1]: there is no processor 1024; they are numbered from 0, to 1023 at most",
+        ),
         ("[real_time]\ncpus = [3, 3]\n", "7:12: real_time.cpus[1]: processor 3 is named twice"),
     ] {
         breaks(&axis_and(text), &format!("set.toml:{place}"), "means: ");

@@ -90,20 +90,12 @@ pub struct InProcessReceive {
 }
 
 impl Receive for InProcessReceive {
-    fn receive(&self) -> Result<Option<Received>, BusError> {
+    fn receive(&mut self) -> Result<Option<Received>, BusError> {
         let bytes = lock(&self.mailbox.inside).frames.pop_front();
         Ok(bytes.map(|bytes| Received { origin: Origin::own(), bytes }))
     }
 
-    /// Looks once: inside one process there is nothing to gain.
-    fn look(&self, _: Duration) -> Result<bool, BusError> {
-        let mut inside = lock(&self.mailbox.inside);
-        let found = !inside.frames.is_empty();
-        inside.raised &= !found;
-        Ok(found)
-    }
-
-    fn wait(&self, limit: Duration) -> Result<(), BusError> {
+    fn wait(&mut self, limit: Duration) -> Result<(), BusError> {
         let (mut inside, _) = self
             .mailbox
             .line

@@ -1,8 +1,8 @@
 //! The MICROBUS itself: frames' bytes from one process to others. It knows senders and addresses, not meanings.
 //!
 //! Two carriers stand behind the same three traits: [`shared_memory`] (iceoryx2) between processes and
-//! [`in_process`] inside one. A port that waits, sleeps in the kernel until its line (DATA READY for cards, ANSWER READY
-//! for the CCU) is raised or the time is over; in the middle of a conversation it may [look] for a moment before.
+//! [`in_process`] inside one. Nobody spins: a port that waits, sleeps in the kernel until its line
+//! (DATA READY for cards, ANSWER READY for the CCU) is raised or the time is over.
 //!
 //! ```text
 //!               commands (publish-subscribe, one to all)
@@ -18,8 +18,6 @@
 //! the sequence numbers, and that is an alarm.
 //!
 //! Every frame comes with its [`Origin`], the process that has sent it. Whom to believe is for whoever receives.
-//!
-//! [look]: Look
 
 use std::fmt;
 use std::path::PathBuf;
@@ -31,12 +29,10 @@ use crate::units::Address;
 
 pub mod in_process;
 mod line;
-mod look;
 mod origin;
 pub mod shared_memory;
 mod strangers;
 
-pub use look::Look;
 pub use origin::Origin;
 pub use strangers::{Stranger, Strangers};
 
@@ -103,28 +99,19 @@ pub struct Received {
     pub bytes: Vec<u8>,
 }
 
-/// The receiving half of a port. Several threads may look and wait; frames keep their order only if one thread at a time
-/// receives.
-pub trait Receive: Send + Sync {
+/// The receiving half of a port.
+pub trait Receive: Send {
     /// The next frame that is already here; `None` if there is none. Never waits.
     ///
     /// # Errors
     /// If the bus itself fails.
-    fn receive(&self) -> Result<Option<Received>, BusError>;
-
-    /// Looks for a frame, for `limit` at most, without sleeping; whether there is one. Then its line is lowered, as after
-    /// waiting. With a `limit` of zero it looks once.
-    /// [`Look`] says when that is worth a processor's time.
-    ///
-    /// # Errors
-    /// If the bus itself fails.
-    fn look(&self, limit: Duration) -> Result<bool, BusError>;
+    fn receive(&mut self) -> Result<Option<Received>, BusError>;
 
     /// Sleeps until this port's line is raised, or `limit` is over. May return early; never spins.
     ///
     /// # Errors
     /// If the bus itself fails.
-    fn wait(&self, limit: Duration) -> Result<(), BusError>;
+    fn wait(&mut self, limit: Duration) -> Result<(), BusError>;
 
     /// What ends this port's `wait` from another thread of the same process.
     fn waker(&self) -> Waker;

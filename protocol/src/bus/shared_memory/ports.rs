@@ -1,8 +1,7 @@
 //! The ports of the shared-memory bus: iceoryx2's publishers, subscribers, notifiers and listeners behind the bus's
 //! traits. They move bytes and raise lines; which service is which, the parent module decides.
 
-use std::hint;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use iceoryx2::identifiers::UniqueNodeId;
 use iceoryx2::port::listener::Listener;
@@ -72,27 +71,11 @@ impl SharedReceive {
 }
 
 impl Receive for SharedReceive {
-    fn receive(&self) -> Result<Option<Received>, BusError> {
+    fn receive(&mut self) -> Result<Option<Received>, BusError> {
         next(&self.subscriber)
     }
 
-    fn look(&self, limit: Duration) -> Result<bool, BusError> {
-        let began = Instant::now();
-        loop {
-            let found = self.subscriber.has_samples();
-            if found.map_err(|error| BusError::broken("look for a frame", error))? {
-                // Whoever never sleeps would else let the line's raisings pile up.
-                self.lower()?;
-                return Ok(true);
-            }
-            if began.elapsed() >= limit {
-                return Ok(false);
-            }
-            hint::spin_loop();
-        }
-    }
-
-    fn wait(&self, limit: Duration) -> Result<(), BusError> {
+    fn wait(&mut self, limit: Duration) -> Result<(), BusError> {
         if self.lower()? {
             return Ok(());
         }
