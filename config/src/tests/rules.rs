@@ -304,17 +304,23 @@ fn motors_can_be() {
 
 #[test]
 fn what_processes_may_ask_of_the_machine() {
-    for (text, place) in [
-        ("[real_time]\npriority = 0\n", "7:12: real_time.priority: a priority is 1 to 99, the highest"),
-        ("[real_time]\npriority = 100\n", "7:12: real_time.priority: a priority is 1 to 99, the highest"),
-        (
-            "[real_time]\ncpus = [0, 1024]\n",
-            "7:12: real_time.cpus[1]: there is no processor 1024; they are numbered from 0, to 1023 at most",
-        ),
-        ("[real_time]\ncpus = [3, 3]\n", "7:12: real_time.cpus[1]: processor 3 is named twice"),
-    ] {
-        breaks(&axis_and(text), &format!("set.toml:{place}"), "means: ");
+    for priority in [0, 100] {
+        breaks(
+            &axis_and(&format!("[real_time]\npriority = {priority}\n")),
+            "set.toml:7:12: real_time.priority: a priority is 1 to 99, the highest",
+            "`real_time.priority` means: Their priority under `fifo`, 1 to 99, the highest.",
+        );
     }
+    breaks(
+        &axis_and("[real_time]\ncpus = [0, 1024]\n"),
+        "set.toml:7:12: real_time.cpus[1]: there is no processor 1024; they are numbered from 0, to 1023 at most",
+        "here",
+    );
+    breaks(
+        &axis_and("[real_time]\ncpus = [3, 3]\n"),
+        "set.toml:7:12: real_time.cpus[1]: processor 3 is named twice",
+        "label at line 7, column 9: compared with this",
+    );
     breaks(
         &axis_and("[real_time]\npolicy = \"rr\"\n"),
         "set.toml:7:10: real_time.policy: \"rr\" is not one of the words for this",
