@@ -47,6 +47,7 @@ pub(crate) fn measure() -> Result<Vec<Figure>, Failed> {
         let place = folder.path().join(machine);
         std::fs::create_dir(&place)?;
         let sides = sides(&place, &mut link)?;
+        SharedMemory::sweep(&place)?;
         drop(hogs);
         figures.extend(told(machine, sides));
     }

@@ -13,6 +13,8 @@ use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::{FileName, Node, NodeBuilder, SemanticString, SignalHandlingMode, ipc};
 
+use supersigma_protocol::bus::shared_memory::{Place, SharedBus};
+
 use crate::peers::{self, Peer};
 
 /// As long as a card's answer.
@@ -35,6 +37,11 @@ impl SharedMemory {
         let near = Self::enter(folder, "there", "back")?;
         let far = Peer::start(peers::SHARED_MEMORY, folder.as_os_str())?;
         Ok((near, far))
+    }
+
+    /// Removes what a pair in this folder leaves in the machine's shared memory. Both must have ended.
+    pub(crate) fn sweep(folder: &Path) -> Result<()> {
+        Ok(SharedBus::sweep(&Place::new(folder)?)?)
     }
 
     /// The other end: sends back what comes.
@@ -75,7 +82,7 @@ impl SharedMemory {
         let root = iceoryx2::prelude::Path::new(folder.as_os_str().as_encoded_bytes())
             .map_err(|error| format!("{error:?}"))?;
         config.global.set_root_path(&root);
-        let prefix = format!("{}.", folder.file_name().unwrap_or_default().display());
+        let prefix = Place::new(folder)?.prefix().to_owned();
         config.global.prefix = FileName::new(prefix.as_bytes()).map_err(|error| format!("{error:?}"))?;
         let node = NodeBuilder::new()
             .config(&config)
