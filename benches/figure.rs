@@ -7,6 +7,7 @@ use std::fs::{self, OpenOptions};
 use std::path::Path;
 
 use jiff::Timestamp;
+use supersigma_tests::machine;
 
 /// One measured number.
 #[derive(Debug, Clone)]
@@ -190,17 +191,4 @@ impl Report {
         }
         text
     }
-}
-
-/// The machine's kind: processor, cores, kernel.
-fn machine() -> String {
-    let processor = fs::read_to_string("/proc/cpuinfo").ok().and_then(|text| {
-        let line = text.lines().find(|line| line.starts_with("model name"))?;
-        Some(line.split_once(':')?.1.trim().to_owned())
-    });
-    let processor = processor.unwrap_or_else(|| "an unnamed processor".into());
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let system = rustix::system::uname();
-    let (system, release) = (system.sysname().to_string_lossy(), system.release().to_string_lossy());
-    format!("{processor}, {cores} cores, {system} {release}")
 }

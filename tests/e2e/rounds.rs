@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 use std::env;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread;
 use std::time::Duration;
@@ -15,7 +15,7 @@ use std::time::Duration;
 use fastrand::Rng;
 use serde_json::Value;
 use supersigma_protocol::AxisNumber;
-use supersigma_tests::{Account, Cell, Program, Programmer, Signal, changed, eventually, patient};
+use supersigma_tests::{Account, Cell, Program, Programmer, Signal, changed, eventually, log_files, patient};
 
 const EXE: &str = env!("CARGO_BIN_EXE_ccu");
 
@@ -155,7 +155,7 @@ impl Round {
             let moved = cell.ccu(&format!("move {name} {on} --json")).good().json().remove(0);
             assert_eq!(moved["position"], axis["position"].as_i64().unwrap_or(0) + on, "{moved}");
         }
-        let told = cell.status().iter().map(|axis| (number(axis), axis["position"].as_i64())).collect();
+        let told = cell.positions();
         let down = cell.ccu("down").good();
         cell.assert_nothing_left();
         let counts = supersigma_tests::counts(&down.stdout);
@@ -170,7 +170,7 @@ impl Round {
 
     /// Every file of the log can be read, and nothing in it contradicts the machines.
     fn read_logs(&self, cell: &Cell, log: &Path) -> Account {
-        let files = parts(log);
+        let files = log_files(log);
         for file in &files {
             let name = file.display();
             let info = cell.ccu(&format!("log info --json {name}")).good().json().remove(0);
@@ -204,24 +204,13 @@ impl Round {
 
 /// What a killed set has left is no obstacle.
 fn start_again(cell: &Cell) {
-    for (number, file) in parts(&cell.path("cell.mcap")).iter().enumerate() {
+    for (number, file) in log_files(&cell.path("cell.mcap")).iter().enumerate() {
         fs::rename(file, cell.path(&format!("before-{number}.mcap"))).expect("a log of the first set");
     }
     let _up = cell.up("20");
     cell.ccu("origin wrist").done();
     cell.ccu("move wrist 100").done();
     assert_eq!(cell.down(), None);
-}
-
-/// The files of a log, in order.
-fn parts(log: &Path) -> Vec<PathBuf> {
-    let further = (2..).map(|part| log.with_extension(format!("{part}.mcap")));
-    std::iter::once(log.to_owned()).chain(further).take_while(|file| file.exists()).collect()
-}
-
-fn number(axis: &Value) -> AxisNumber {
-    let number = axis["axis"].as_u64().and_then(|number| u8::try_from(number).ok());
-    number.and_then(AxisNumber::new).expect("an axis")
 }
 
 /// A card counts as silent soon; all other limits are those that a busy machine keeps.

@@ -7,7 +7,8 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::Path;
+use std::iter;
+use std::path::{Path, PathBuf};
 
 use mcap::MessageStream;
 use mcap::read::Options;
@@ -39,6 +40,13 @@ pub struct Account {
     axes: BTreeMap<AxisNumber, Axis>,
     expected: BTreeMap<Sender, Sequence>,
     commands: BTreeMap<Sequence, Command>,
+}
+
+/// The files of the log that begins in `log`, in their order.
+#[must_use]
+pub fn log_files(log: &Path) -> Vec<PathBuf> {
+    let further = (2..).map(|part| log.with_extension(format!("{part}.mcap")));
+    iter::once(log.to_owned()).chain(further).take_while(|file| file.exists()).collect()
 }
 
 /// One axis, as the log tells it.

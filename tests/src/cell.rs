@@ -1,5 +1,6 @@
 //! A cell: the whole world of one set, and what can be asked of it there.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -7,6 +8,7 @@ use std::sync::Arc;
 
 use rustix::process::Signal;
 use serde_json::Value;
+use supersigma_protocol::AxisNumber;
 use supersigma_protocol::bus::shared_memory::Place;
 use tempfile::TempDir;
 
@@ -141,6 +143,14 @@ impl Cell {
     pub fn status(&self) -> Vec<Value> {
         let lines = self.ccu("status --json").good().json();
         lines.into_iter().filter(|line| line.get("axis").is_some()).collect()
+    }
+
+    /// Where each axis says that it is.
+    #[must_use]
+    pub fn positions(&self) -> BTreeMap<AxisNumber, Option<i64>> {
+        let number = |axis: &Value| AxisNumber::new(u8::try_from(axis["axis"].as_u64()?).ok()?);
+        let place = |axis: &Value| (number(axis).expect("an axis"), axis["position"].as_i64());
+        self.status().iter().map(place).collect()
     }
 
     /// What one axis is doing.

@@ -23,7 +23,7 @@ mod vitals;
 use std::thread;
 use std::time::{Duration, Instant};
 
-pub use account::Account;
+pub use account::{Account, log_files};
 pub use browser::Browser;
 pub use cell::{Cell, Up, counts};
 pub use config::{changed, patient};
@@ -32,7 +32,7 @@ pub use program::{Program, Programmer};
 pub use ran::Ran;
 pub use rustix::process::Signal;
 pub use terminal::Terminal;
-pub use vitals::Vitals;
+pub use vitals::{Vitals, machine};
 
 /// What only a broken set exceeds.
 pub const LIMIT: Duration = Duration::from_secs(60);

@@ -1,6 +1,8 @@
-//! What a process takes of the machine, read from `/proc`.
+//! What the machine is, and what a process takes of it, read from `/proc`.
 
+use std::env;
 use std::fs;
+use std::thread;
 use std::time::Duration;
 
 use crate::process::Process;
@@ -59,4 +61,21 @@ fn processor(stat: &str) -> Option<Duration> {
     let (user, system): (u64, u64) = (fields.next()?.parse().ok()?, fields.next()?.parse().ok()?);
     let per_second = rustix::param::clock_ticks_per_second();
     Some(Duration::from_millis((user + system) * 1_000 / per_second))
+}
+
+/// What kind of machine this is: processor, cores, memory, system.
+#[must_use]
+pub fn machine() -> String {
+    let first = |file: &str, key: &str| {
+        let text = fs::read_to_string(file).unwrap_or_default();
+        let line = text.lines().find(|line| line.starts_with(key))?;
+        Some(line.split_once(':')?.1.trim().to_owned())
+    };
+    let cores = thread::available_parallelism().map_or(1, usize::from);
+    let model = first("/proc/cpuinfo", "model name").unwrap_or_else(|| env::consts::ARCH.into());
+    let memory = first("/proc/meminfo", "MemTotal")
+        .and_then(|total| total.strip_suffix(" kB")?.parse::<u64>().ok())
+        .map_or_else(String::new, |kilobytes| format!(", {} GB", kilobytes.div_ceil(1_000_000)));
+    let kernel = fs::read_to_string("/proc/sys/kernel/osrelease").unwrap_or_default();
+    format!("{model}, {cores} cores{memory}, Linux {}", kernel.split('-').next().unwrap_or_default().trim())
 }

@@ -3,13 +3,12 @@
 
 use std::fs;
 use std::panic::{self, AssertUnwindSafe};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use fastrand::Rng;
 use serde_json::Value;
-use supersigma_protocol::AxisNumber;
-use supersigma_tests::{Account, Cell, Programmer, changed, counts, eventually, patient};
+use supersigma_tests::{Account, Cell, Programmer, changed, counts, eventually, log_files, patient};
 
 use super::Args;
 use super::watch::Watch;
@@ -85,7 +84,7 @@ fn run(args: &Args, cell: &Cell, record: &mut Record) {
         }
     }
     record.took = began.elapsed();
-    let told: Vec<_> = cell.status().iter().map(|axis| (number(axis), axis["position"].as_i64())).collect();
+    let told = cell.positions();
     let down = cell.ccu("down").good();
     cell.assert_nothing_left();
     (record.sent, record.logged) = counts(&down.stdout).unwrap_or_else(|| panic!("no counts in {down}"));
@@ -93,7 +92,7 @@ fn run(args: &Args, cell: &Cell, record: &mut Record) {
         record.findings.push(format!("{} frames were sent, {} logged", record.sent, record.logged));
     }
     read_log(cell, &up.log, record);
-    let of_log: Vec<_> = record.account.positions().into_iter().collect();
+    let of_log = record.account.positions();
     if of_log != told {
         record.findings.push(format!("positions by the log: {of_log:?}; by the set: {told:?}"));
     }
@@ -129,9 +128,7 @@ fn kill(cell: &Cell, card: u8, record: &mut Record) {
 }
 
 fn read_log(cell: &Cell, log: &Path, record: &mut Record) {
-    let further = (2..).map(|part| log.with_extension(format!("{part}.mcap")));
-    let files = std::iter::once(log.to_owned()).chain(further).take_while(|file| file.exists());
-    let files: Vec<PathBuf> = files.collect();
+    let files = log_files(log);
     record.files = files.len();
     record.bytes = files.iter().filter_map(|file| fs::metadata(file).ok()).map(|file| file.len()).sum();
     record.account = Account::of(&files);
@@ -150,9 +147,4 @@ fn read_log(cell: &Cell, log: &Path, record: &mut Record) {
         let said = String::from_utf8_lossy(&verified.stderr).into_owned();
         record.findings.push(format!("the log is not what the machines say: {} {said}", record.verified));
     }
-}
-
-fn number(axis: &Value) -> AxisNumber {
-    let number = axis["axis"].as_u64().and_then(|number| u8::try_from(number).ok());
-    number.and_then(AxisNumber::new).expect("an axis")
 }

@@ -1,8 +1,8 @@
 //! The report, a page of the book.
 
 use std::fmt::Write as _;
-use std::fs;
-use std::thread;
+
+use supersigma_tests::machine;
 
 use super::Args;
 use super::life::Record;
@@ -83,22 +83,6 @@ pub(crate) fn markdown(args: &Args, record: &Record) -> String {
         }
     }
     text
-}
-
-/// What kind of machine this is.
-fn machine() -> String {
-    let first = |file: &str, key: &str| {
-        let text = fs::read_to_string(file).unwrap_or_default();
-        let line = text.lines().find(|line| line.starts_with(key))?;
-        Some(line.split_once(':')?.1.trim().to_owned())
-    };
-    let cores = thread::available_parallelism().map_or(1, usize::from);
-    let model = first("/proc/cpuinfo", "model name").unwrap_or_else(|| std::env::consts::ARCH.into());
-    let memory = first("/proc/meminfo", "MemTotal")
-        .and_then(|total| total.strip_suffix(" kB")?.parse::<u64>().ok())
-        .map_or_else(String::new, |kilobytes| format!(", {} GB", kilobytes.div_ceil(1_000_000)));
-    let kernel = fs::read_to_string("/proc/sys/kernel/osrelease").unwrap_or_default();
-    format!("{model}, {cores} cores{memory}, Linux {}", kernel.split('-').next().unwrap_or_default().trim())
 }
 
 #[expect(clippy::cast_precision_loss, reason = "for people")]
