@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 use std::io::{self, IsTerminal, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::mpsc;
 use std::thread;
 use std::time::{Duration, Instant};
@@ -35,7 +35,7 @@ struct ResultView<'a> {
     /// Whether the log ends in the middle of a record.
     truncated: bool,
     /// The file in which it goes on all the same; that is not verified.
-    goes_on_in: Option<PathBuf>,
+    goes_on_in: Option<&'a Path>,
     /// The version that wrote the log.
     version: &'a str,
     difference: Option<DifferenceView>,
@@ -78,8 +78,7 @@ pub(super) fn verify(path: &Path, json: bool) -> Result<(), Exit> {
     let result = Told { found: &found, names: &header.names, took: began.elapsed() };
     let mut out = io::stdout().lock();
     if json {
-        let view =
-            ResultView { goes_on_in: goes_on_in.clone(), ..result.view(reader.truncated(), &header.version) };
+        let view = result.view(reader.truncated(), goes_on_in.as_deref(), &header.version);
         show::print_json(&view, &mut out)?;
     } else {
         result.print(&mut out)?;
@@ -162,7 +161,7 @@ impl Told<'_> {
         self.found.machine_time().as_seconds() / self.took.as_secs_f64().max(1e-9)
     }
 
-    fn view<'b>(&self, truncated: bool, version: &'b str) -> ResultView<'b> {
+    fn view<'b>(&self, truncated: bool, goes_on_in: Option<&'b Path>, version: &'b str) -> ResultView<'b> {
         let found = self.found;
         ResultView {
             result: match (&found.difference, found.unverifiable.is_empty()) {
@@ -178,7 +177,7 @@ impl Told<'_> {
             took_s: self.took.as_secs_f64(),
             speed: self.speed(),
             truncated,
-            goes_on_in: None,
+            goes_on_in,
             version,
             difference: found.difference.as_ref().map(|difference| self.difference(difference)),
             unverifiable: found
