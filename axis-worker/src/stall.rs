@@ -145,7 +145,7 @@ impl Bench<'_> {
 
     /// What there is to say of a slip at a pulse of the plan.
     fn stall(&self, plan: &Plan, pulse: u32, direction: Direction) -> Option<Stall> {
-        let phase = plan.runs().get(plan.run_of(pulse))?.phase;
+        let phase = plan.run(plan.run_of(pulse))?.phase;
         let period = plan.period(pulse);
         let entries = (0..=SpeedIndex::TOP.get()).filter_map(SpeedIndex::new);
         let entry = entries.take_while(|entry| self.table.period(*entry) >= period).last();

@@ -19,7 +19,7 @@ use std::num::NonZeroU32;
 use supersigma_protocol::{Count, Direction, Pace, Position, Steps, Tick, Ticks};
 
 use crate::board::{Board, Sink};
-use crate::ramp::{Phase, REACTION, Run, Schedule, Stop, Table};
+use crate::ramp::{Phase, REACTION, Schedule, Stop, Table};
 
 /// What is left to count when the gate is opened for a pulse after a long pause.
 const FIRE_AHEAD: u32 = 3_077;
@@ -196,12 +196,15 @@ impl Movement {
 
     /// The last count of the plan that is written before `limit`.
     fn landing_on_run(&self, index: usize, limit: u64) -> Option<Landing> {
-        let runs = self.schedule.own_plan()?.runs();
-        let begun = index + runs[index..].partition_point(|run| run.start < limit);
-        let is_written = |run: &Run| run.written.is_some_and(|written| written < limit);
-        let last = (index + 1..runs.len().min(begun + 1)).rev().find(|last| is_written(&runs[*last]))?;
-        let at = runs[last].written?;
-        Some(Landing { at, period: runs[last].period.into(), then: self.write_run_after(last, at) })
+        let plan = self.schedule.own_plan()?;
+        // Two pulses after the last one before `limit` ends the period after the running one: the chip takes no later count.
+        let furthest = plan.run_of(plan.pulses_by(limit) + 2);
+        let last = (index + 1..=furthest).rev().find_map(|last| {
+            let run = plan.run(last)?;
+            Some((last, run.period, run.written.filter(|written| *written < limit)?))
+        });
+        let (last, period, at) = last?;
+        Some(Landing { at, period: period.into(), then: self.write_run_after(last, at) })
     }
 
     /// The same for a share: the last pulse whose period's count is written before `limit`.
@@ -272,8 +275,8 @@ impl Movement {
     fn carry_out(&mut self, what: What, now: u64, board: &mut Board, sink: &mut impl Sink) -> Option<Write> {
         match what {
             What::LoadRun(index) => {
-                let period = self.schedule.own_plan().map_or(0, |plan| plan.runs()[index].period);
-                board.load_rate(count(period.into())?, sink);
+                let run = self.schedule.own_plan()?.run(index)?;
+                board.load_rate(count(run.period.into())?, sink);
                 self.write_run_after(index, now)
             }
             What::LoadPulse(pulse) => {
@@ -316,7 +319,8 @@ impl Movement {
     }
 
     fn write_run_after(&self, index: usize, earliest: u64) -> Option<Write> {
-        let mut later = self.schedule.own_plan()?.runs().iter().enumerate().skip(index + 1);
+        let plan = self.schedule.own_plan()?;
+        let mut later = (index + 1..).map_while(|next| Some((next, plan.run(next)?)));
         let (next, written) = later.find_map(|(next, run)| Some((next, run.written?)))?;
         Some(Write { at: written.max(earliest), what: What::LoadRun(next) })
     }

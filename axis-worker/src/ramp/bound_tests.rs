@@ -115,7 +115,7 @@ fn ratio(one: u64, other: u64) -> f64 {
 /// How evenly an axis follows.
 fn check_follower(table: &Table, plan: &Plan, own: u16, lead: u16) {
     let cruises = |from: u64, to: u64| {
-        plan.runs().iter().any(|run| {
+        plan.runs().any(|run| {
             let end = run.start + u64::from(run.pulses) * u64::from(run.period);
             run.phase == Phase::Cruising && run.start <= from && to <= end
         })

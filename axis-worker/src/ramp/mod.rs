@@ -17,8 +17,9 @@
 //! table of counts. Nothing below the table knows which. A *walk* turns it into periods: each
 //! period has the entry that is due when it begins, because a count written to a running 8253 waits for the end of
 //! the period. A *plan* is one movement: runs of equal periods, each with the tick at which the firmware writes its
-//! count. Both directions of the question — the tick of a pulse, the pulses by a tick — are then one search among
-//! a few hundred runs, however long the movement. A *schedule* is a plan, or an axis' share of the plan of a
+//! count, held as a few *pieces* that are parts of a walk, or level. Both directions of the question — the tick of a
+//! pulse, the pulses by a tick — are then a search among a few pieces and one in the walk's sums, however long the
+//! movement. A *schedule* is a plan, or an axis' share of the plan of a
 //! line's leading axis.
 
 #[cfg(test)]
@@ -29,17 +30,22 @@ mod curve;
 #[deny(clippy::float_arithmetic)]
 mod paper;
 #[deny(clippy::float_arithmetic)]
+mod piece;
+#[deny(clippy::float_arithmetic)]
 mod plan;
 #[deny(clippy::float_arithmetic)]
 mod schedule;
 mod table;
 #[cfg(test)]
 mod tests;
+#[deny(clippy::float_arithmetic)]
+mod walk;
 
 pub use curve::Curve;
 pub use plan::{Leg, Phase, Plan, Run, Stop};
 pub use schedule::{Schedule, Share};
-pub use table::{Table, Walk};
+pub use table::Table;
+pub use walk::Walk;
 
 use supersigma_protocol::Ticks;
 

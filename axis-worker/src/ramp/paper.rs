@@ -19,7 +19,8 @@
 use supersigma_protocol::{Distance, SpeedIndex};
 
 use super::plan::{Phase, Plan};
-use super::table::{Table, due, periods_begun};
+use super::table::Table;
+use super::walk::{due, periods_begun};
 
 /// Shorter movements are not accelerated.
 const VERY_SHORT: u32 = 200;

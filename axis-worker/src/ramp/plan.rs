@@ -1,10 +1,15 @@
 //! One movement as runs of equal periods, and how it ends sooner. Planned at the start of the movement, changed only
-//! by a stop. Nothing here knows the chip or what time it is.
+//! by a stop. Nothing here knows the chip or what time it is. A run is worked out when it is asked for: to plan a movement,
+//! and to find a pulse or a tick in it, costs the same for every length.
+
+use std::sync::Arc;
 
 use supersigma_config::ShortMoves;
 use supersigma_protocol::{Activity, Distance, SpeedIndex, Steps};
 
-use super::table::{Table, Walk};
+use super::piece::{Piece, Shape};
+use super::table::Table;
+use super::walk::Walk;
 use super::{REACTION, paper};
 
 /// How a movement is ended before its time.
@@ -71,16 +76,10 @@ pub struct Run {
     pub phase: Phase,
 }
 
-impl Run {
-    fn end(&self) -> u64 {
-        self.start + u64::from(self.pulses) * u64::from(self.period)
-    }
-}
-
 /// A movement: exactly [`Plan::total`] pulses, numbered from 1.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Plan {
-    runs: Vec<Run>,
+    pieces: Vec<Piece>,
 }
 
 impl Plan {
@@ -135,8 +134,7 @@ impl Plan {
             let (from, to) = (passed[i], passed[i + 1]);
             let ceiling = up_to(leg.limit);
             let peak = ceiling.min((length(leg) + from + to) / 2);
-            let mut period =
-                if peak < ceiling { walk.period(walk.entry_of(peak + 1)) } else { table.period(leg.limit) };
+            let mut period = if peak < ceiling { walk.period_of(peak + 1) } else { table.period(leg.limit) };
             // Where the top borders on a joint, it is no faster than that.
             if peak == from && i > 0 {
                 period = period.max(table.period(legs[i - 1].joint));
@@ -162,25 +160,36 @@ impl Plan {
     /// All pulses.
     #[must_use]
     pub fn total(&self) -> Steps {
-        Steps(self.runs.last().map_or(0, |run| run.before + run.pulses))
+        Steps(self.pieces.last().map_or(0, |last| last.before + last.pulses))
     }
 
     /// From the start to the last pulse, in ticks.
     #[must_use]
     pub fn duration(&self) -> u64 {
-        self.runs.last().map_or(0, Run::end)
+        self.pieces.last().map_or(0, Piece::end)
     }
 
     /// The runs, in order.
-    #[must_use]
-    pub fn runs(&self) -> &[Run] {
-        &self.runs
+    pub fn runs(&self) -> impl Iterator<Item = Run> {
+        self.pieces.iter().flat_map(|piece| (0..piece.runs()).map(|index| piece.run(index)))
     }
 
-    /// The index of the run in which pulse `pulse`, from 1, lies.
+    /// The run with this index, from 0.
+    #[must_use]
+    pub fn run(&self, index: usize) -> Option<Run> {
+        let begun = self.pieces.partition_point(|piece| piece.runs_before <= index);
+        let piece = self.pieces.get(begun.checked_sub(1)?)?;
+        let within = index - piece.runs_before;
+        (within < piece.runs()).then(|| piece.run(within))
+    }
+
+    /// The index of the run in which pulse `pulse`, from 1, lies; that after the last one for all beyond it.
     #[must_use]
     pub fn run_of(&self, pulse: u32) -> usize {
-        self.runs.partition_point(|run| run.before + run.pulses < pulse)
+        match self.piece_of(pulse) {
+            Some(piece) => piece.runs_before + piece.run_of(pulse - piece.before),
+            None => self.pieces.last().map_or(0, |last| last.runs_before + last.runs()),
+        }
     }
 
     /// The tick of pulse `pulse`; pulse 0 is the start. The last one's for all beyond it.
@@ -189,33 +198,45 @@ impl Plan {
         if pulse == 0 {
             return 0;
         }
-        self.runs.get(self.run_of(pulse)).map_or_else(
-            || self.duration(),
-            |run| run.start + u64::from(pulse - run.before) * u64::from(run.period),
-        )
+        self.piece_of(pulse).map_or_else(|| self.duration(), |piece| piece.tick_of(pulse - piece.before))
     }
 
     /// The period that ends with pulse `pulse`, from 1, in ticks; 0 beyond the last.
     #[must_use]
     pub fn period(&self, pulse: u32) -> u32 {
-        self.runs.get(self.run_of(pulse)).map_or(0, |run| run.period)
+        self.piece_of(pulse).map_or(0, |piece| piece.period_of(pulse - piece.before))
+    }
+
+    /// No period is longer, in ticks.
+    #[must_use]
+    pub fn longest_period(&self) -> u32 {
+        self.pieces.iter().map(Piece::longest_period).max().unwrap_or(0)
     }
 
     /// The periods of all pulses, in ticks.
     pub fn periods(&self) -> impl Iterator<Item = u32> {
-        self.runs.iter().flat_map(|run| (0..run.pulses).map(|_| run.period))
+        self.runs().flat_map(|run| (0..run.pulses).map(move |_| run.period))
     }
 
     /// How many pulses come at or before `tick`.
     #[must_use]
-    #[expect(clippy::cast_possible_truncation, reason = "bounded by the run's pulses")]
     pub fn pulses_by(&self, tick: u64) -> u32 {
-        let begun = self.runs.partition_point(|run| run.start <= tick);
-        let Some(run) = begun.checked_sub(1).map(|last| &self.runs[last]) else {
+        let begun = self.pieces.partition_point(|piece| piece.start <= tick);
+        let Some(piece) = begun.checked_sub(1).map(|last| &self.pieces[last]) else {
             return 0;
         };
-        let within = (tick - run.start) / u64::from(run.period);
-        run.before + within.min(u64::from(run.pulses)) as u32
+        piece.before + piece.pulses_by(tick)
+    }
+
+    /// What the axis does at `tick`, and the tick at which this changes next.
+    #[must_use]
+    pub fn phase_at(&self, tick: u64) -> (Option<Phase>, Option<u64>) {
+        let index = self.index_of(self.pulses_by(tick) + 1);
+        let Some(piece) = self.pieces.get(index) else {
+            return (self.pieces.last().map(|last| last.phase), None);
+        };
+        let next = self.pieces[index..].iter().find(|later| later.phase != piece.phase && later.pulses > 0);
+        (Some(piece.phase), next.map(|later| later.start))
     }
 
     /// Ends the movement as soon as `stop` allows, if it is told so at `tick`. The period that is running comes to its
@@ -223,81 +244,84 @@ impl Plan {
     /// whose own end comes with fewer pulses stays as it is.
     pub fn stop(&mut self, table: &Table, tick: u64, stop: Stop) {
         let running = self.pulses_by(tick) + 1;
-        let index = self.run_of(running);
-        let Some(run) = self.runs.get(index).copied() else {
+        let index = self.index_of(running);
+        let Some(piece) = self.pieces.get(index) else {
             return;
         };
         // A stop that is under way goes on as it is: each new one would leave out a part of the descent.
         let stopping =
-            |run: &Run| matches!(run.phase, Phase::Decelerating | Phase::Creeping | Phase::Braking);
-        if run.phase == Phase::Braking || stop == Stop::Halt && self.runs[index..].iter().all(stopping) {
+            |piece: &Piece| matches!(piece.phase, Phase::Decelerating | Phase::Creeping | Phase::Braking);
+        if piece.phase == Phase::Braking || stop == Stop::Halt && self.pieces[index..].iter().all(stopping) {
             return;
         }
         let (walk, phase) = match stop {
             Stop::Halt => (table.normal(), Phase::Decelerating),
             Stop::Brake => (table.steep(), Phase::Braking),
         };
-        let descent = walk.slower_than(run.period);
+        let descent = walk.slower_than(self.period(running));
         if running + descent >= self.total().0 {
             return;
         }
-        self.runs.truncate(index + 1);
-        self.runs[index].pulses = running - run.before;
-        let first = self.runs.len();
+        self.cut(running);
         // A count written at the very tick of a pulse would rule the period that begins there: so, a little later,
         // but not after the running period.
-        let earliest = (tick + REACTION.0).min(self.runs[index].end());
+        let earliest = (tick + REACTION.0).min(self.duration());
+        let first = self.pieces.len();
         self.descend(walk, descent, 0, phase);
-        if let Some(next) = self.runs.get_mut(first) {
+        if let Some(next) = self.pieces.get_mut(first) {
             next.written = next.written.max(Some(earliest));
         }
     }
 
-    /// Leaves out the pulses after `pulses`. Only for plans at start speed, which may end anywhere.
+    /// Leaves out the pulses after `pulses`.
     pub fn cut(&mut self, pulses: u32) {
-        self.runs.truncate(self.run_of(pulses) + 1);
-        if let Some(last) = self.runs.last_mut() {
+        self.pieces.truncate(self.index_of(pulses) + 1);
+        if let Some(last) = self.pieces.last_mut() {
             last.pulses = last.pulses.min(pulses - last.before);
         }
     }
 
-    /// Adds `pulses` periods whose count the firmware writes early in the last period before them.
+    /// Adds `pulses` periods.
     pub(super) fn follow(&mut self, pulses: u32, period: u32, phase: Phase) {
-        if pulses > 0 {
-            let written = match self.runs.last() {
-                None => Some(0),
-                Some(last) if last.period == period => None,
-                Some(last) => Some(last.end() - u64::from(last.period) + REACTION.0),
-            };
-            self.push(pulses, period, phase, written);
-        }
+        self.join(Shape::Level(period), pulses, phase);
     }
 
     /// Adds a run whose count is written at `written`.
     pub(super) fn push(&mut self, pulses: u32, period: u32, phase: Phase, written: Option<u64>) {
-        let (before, start) = self.runs.last().map_or((0, 0), |last| (last.before + last.pulses, last.end()));
-        self.runs.push(Run { before, pulses, start, period, written, phase });
+        let piece = Piece::after(self.pieces.last(), Shape::Level(period), pulses, phase, written);
+        self.pieces.push(piece);
     }
 
     /// Adds the periods of `walk` after its pulse `from`, up to pulse `to`.
-    fn ascend(&mut self, walk: &Walk, from: u32, to: u32) {
-        let mut done = from;
-        while done < to {
-            let entry = walk.entry_of(done + 1);
-            let end = walk.end(entry).min(to);
-            self.follow(end - done, walk.period(entry), Phase::Accelerating);
-            done = end;
-        }
+    fn ascend(&mut self, walk: &Arc<Walk>, from: u32, to: u32) {
+        self.join(Shape::Up(Arc::clone(walk), from), to - from, Phase::Accelerating);
     }
 
     /// Adds the periods of `walk` from its pulse `from` back to the one after pulse `to`.
-    fn descend(&mut self, walk: &Walk, from: u32, to: u32, phase: Phase) {
-        let mut left = from;
-        while left > to {
-            let entry = walk.entry_of(left);
-            let end = walk.before(entry).max(to);
-            self.follow(left - end, walk.period(entry), phase);
-            left = end;
+    fn descend(&mut self, walk: &Arc<Walk>, from: u32, to: u32, phase: Phase) {
+        self.join(Shape::Down(Arc::clone(walk), from), from - to, phase);
+    }
+
+    /// Adds `pulses` periods of `shape`, if there are any, whose first count the firmware writes early in the last period
+    /// before them.
+    fn join(&mut self, shape: Shape, pulses: u32, phase: Phase) {
+        if pulses == 0 {
+            return;
         }
+        let last = self.pieces.last();
+        let written = last.map_or(Some(0), |last| {
+            let period = last.period_of(last.pulses);
+            (period != shape.first_period()).then(|| last.end() - u64::from(period) + REACTION.0)
+        });
+        self.pieces.push(Piece::after(last, shape, pulses, phase, written));
+    }
+
+    fn piece_of(&self, pulse: u32) -> Option<&Piece> {
+        self.pieces.get(self.index_of(pulse))
+    }
+
+    /// The index of the piece in which pulse `pulse`, from 1, lies.
+    fn index_of(&self, pulse: u32) -> usize {
+        self.pieces.partition_point(|piece| piece.before + piece.pulses < pulse)
     }
 }

@@ -130,7 +130,7 @@ impl Schedule {
     /// No period is longer, in ticks; those of a share may all be shorter than that.
     #[must_use]
     pub fn longest_period(&self) -> u64 {
-        let longest = self.plan.runs().iter().map(|run| u64::from(run.period)).max().unwrap_or(0);
+        let longest = u64::from(self.plan.longest_period());
         let stretch = self.legs.iter().map(|leg| leg.lead.div_ceil(leg.own)).max().unwrap_or(1);
         // Across a joint, a period has a part in each leg, and the legs in which the axis stands lie between.
         if self.legs.len() > 1 { u64::MAX } else { longest * (stretch + 1) }
@@ -164,14 +164,7 @@ impl Schedule {
     /// What the axis does at `tick`, and the tick at which this changes next.
     #[must_use]
     pub fn phase_at(&self, tick: u64) -> (Option<Phase>, Option<u64>) {
-        let running = self.plan.pulses_by(tick) + 1;
-        let runs = self.plan.runs();
-        let index = self.plan.run_of(running);
-        let Some(run) = runs.get(index) else {
-            return (runs.last().map(|run| run.phase), None);
-        };
-        let next = runs[index..].iter().find(|later| later.phase != run.phase && later.pulses > 0);
-        (Some(run.phase), next.map(|later| later.start))
+        self.plan.phase_at(tick)
     }
 
     /// Ends the movement, or the line's movement, as soon as `stop` allows from `tick` on.

@@ -1,9 +1,12 @@
-//! The table of the firmware and the two walks up it, whatever the profile. Made once per axis; never changed afterwards.
+//! The table of the firmware and the two [walks](Walk) up it, whatever the profile. Made once per axis; never changed afterwards.
+
+use std::sync::Arc;
 
 use supersigma_config::{RampConfig, RampError, SMALLEST_N, ShortMoves};
 use supersigma_protocol::{SpeedIndex, Steps, Tick, Ticks};
 
 use super::REACTION;
+use super::walk::Walk;
 
 /// Entries of the table: 0 ..= 232.
 pub(super) const ENTRIES: usize = SpeedIndex::TOP.get() as usize + 1;
@@ -23,8 +26,8 @@ pub struct Table {
     interval: Ticks,
     offset: Steps,
     method: ShortMoves,
-    normal: Walk,
-    steep: Walk,
+    normal: Arc<Walk>,
+    steep: Arc<Walk>,
 }
 
 impl Table {
@@ -45,8 +48,8 @@ impl Table {
             interval: Ticks(ramp.interval_ticks().into()),
             offset: Steps(ramp.offset),
             method: ramp.short_moves,
-            normal: Walk::new(&counts, ramp.interval_ticks()),
-            steep: Walk::new(&counts, ramp.brake_interval_ticks),
+            normal: Arc::new(Walk::new(&counts, ramp.interval_ticks())),
+            steep: Arc::new(Walk::new(&counts, ramp.brake_interval_ticks)),
         })
     }
 
@@ -121,94 +124,13 @@ impl Table {
 
     /// The walk of normal ramps.
     #[must_use]
-    pub fn normal(&self) -> &Walk {
+    pub fn normal(&self) -> &Arc<Walk> {
         &self.normal
     }
 
     /// The walk of emergency stops.
     #[must_use]
-    pub fn steep(&self) -> &Walk {
+    pub fn steep(&self) -> &Arc<Walk> {
         &self.steep
     }
-}
-
-/// The pulses of an acceleration from standstill up to the top of the table, as runs: so many periods of entry 0,
-/// so many of entry 1, … Periods never grow along a walk; an entry that is overtaken has none.
-#[derive(Debug)]
-pub struct Walk {
-    periods: [u32; ENTRIES],
-    /// Pulses before the first one of each entry.
-    pulses: [u32; ENTRIES],
-}
-
-impl Walk {
-    fn new(counts: &[u16; ENTRIES], interval: u32) -> Self {
-        let mut periods = [0; ENTRIES];
-        let mut pulses = [0; ENTRIES];
-        let (mut begin, mut done) = (0, 0);
-        for (entry, count) in counts.iter().enumerate() {
-            periods[entry] = u32::from(*count) + 1;
-            pulses[entry] = done;
-            let own = periods_begun(begin, due(entry + 1, interval.into()), periods[entry]);
-            done += own;
-            begin += u64::from(own) * u64::from(periods[entry]);
-        }
-        Self { periods, pulses }
-    }
-
-    /// Pulses up to the top of the table.
-    #[must_use]
-    pub fn pulses(&self) -> Steps {
-        Steps(self.pulses[ENTRIES - 1])
-    }
-
-    /// The entry of pulse `pulse`, from 1; the top for all beyond the walk.
-    pub(super) fn entry_of(&self, pulse: u32) -> usize {
-        self.pulses.partition_point(|before| *before < pulse) - 1
-    }
-
-    /// Pulses before the first one of `entry`.
-    pub(super) fn before(&self, entry: usize) -> u32 {
-        self.pulses[entry]
-    }
-
-    /// Pulses up to the last one of `entry`; there is no end to those of the top.
-    pub(super) fn end(&self, entry: usize) -> u32 {
-        self.pulses.get(entry + 1).copied().unwrap_or(u32::MAX)
-    }
-
-    /// The period of `entry` in ticks.
-    pub(super) fn period(&self, entry: usize) -> u32 {
-        self.periods[entry]
-    }
-
-    /// How many pulses of the walk have periods of at least `period`; no end to them if the top has.
-    pub(super) fn not_faster_than(&self, period: u32) -> u32 {
-        let entries = self.periods.partition_point(|other| *other >= period);
-        self.pulses.get(entries).copied().unwrap_or(u32::MAX)
-    }
-
-    /// How many pulses of the walk have periods longer than `period`: those to walk back through, to stop from it.
-    pub(super) fn slower_than(&self, period: u32) -> u32 {
-        let entry = self.periods.partition_point(|longer| *longer > period);
-        self.pulses.get(entry).copied().unwrap_or(self.pulses[ENTRIES - 1])
-    }
-}
-
-/// When entry `entry` is due in a ramp that begins at 0: the first difference is subtracted as soon as the motor has been
-/// started, each further one an `interval` later. So entry i + 1 rules from i intervals on, half an interval ahead of the
-/// continuous curve on average: by 232 intervals the default ramp has made 2 586 steps, its curve 2 579.
-pub(super) fn due(entry: usize, interval: u64) -> u64 {
-    match entry {
-        0 => 0,
-        1 => REACTION.0,
-        later => (later as u64 - 1) * interval,
-    }
-}
-
-/// How many periods begin from tick `begin` on and before `due`, if each lasts `period`. A count written at `due`
-/// rules the periods that begin at `due` or later: the chip reloads on the clock after the one that ends a period.
-pub(super) fn periods_begun(begin: u64, due: u64, period: u32) -> u32 {
-    let span = due.saturating_sub(begin);
-    u32::try_from(span.div_ceil(u64::from(period))).unwrap_or(u32::MAX)
 }

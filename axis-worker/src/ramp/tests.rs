@@ -26,7 +26,7 @@ fn any_table(method: impl Strategy<Value = ShortMoves>) -> impl Strategy<Value =
 /// The longest period from which a movement may end: that of the first speed, but for the entry that comes within the first
 /// period.
 fn slow_enough(table: &Table) -> u32 {
-    table.normal().period(1)
+    table.period(SpeedIndex::new(1).expect("an entry"))
 }
 
 fn steps(steps: u16) -> Distance {
@@ -105,7 +105,7 @@ fn the_ramp_of_a_short_table_ends_where_the_table_does() {
         assert_eq!(table.last().get(), 3);
         assert_eq!(table.period(SpeedIndex::TOP), 2_401);
         let plan = Plan::ramped(&table, steps(1_000), SpeedIndex::TOP);
-        let runs: Vec<_> = plan.runs().iter().map(|run| run.period).collect();
+        let runs: Vec<_> = plan.runs().map(|run| run.period).collect();
         // Entry 1 is overtaken.
         assert!(runs.starts_with(&[3_001]) && runs.contains(&2_601) && runs.contains(&2_401), "{runs:?}");
         // Twice 3 intervals of 10 000 ticks, and the rest at 2 401: nothing waits for entries that are not there.
@@ -162,7 +162,8 @@ fn the_optimal_method_solves_the_papers_open_problem() {
 fn check(table: &Table, plan: &Plan, total: u32, longest_period: u32) {
     assert_eq!(plan.total().0, total);
     let (mut before, mut end, mut written, mut period) = (0, 0, 0, 0);
-    for run in plan.runs() {
+    for (index, run) in plan.runs().enumerate() {
+        assert_eq!(plan.run(index), Some(run), "a run is the same by its index");
         assert_eq!((run.before, run.start), (before, end), "runs follow each other: {run:?}");
         assert!((table.period(SpeedIndex::TOP)..=longest_period).contains(&run.period), "{run:?}");
         if let Some(tick) = run.written {
@@ -175,18 +176,28 @@ fn check(table: &Table, plan: &Plan, total: u32, longest_period: u32) {
         period = run.period;
         before += run.pulses;
         end += u64::from(run.pulses) * u64::from(run.period);
+        // Whoever asks for a pulse or a tick is told what the runs say.
+        assert_eq!(plan.tick_of(before), end, "{run:?}");
+        assert_eq!(
+            (plan.pulses_by(end), plan.pulses_by(end.saturating_sub(1))),
+            (before, before.saturating_sub(1))
+        );
+        if run.pulses > 0 {
+            assert_eq!((plan.run_of(run.before + 1), plan.run_of(before)), (index, index), "{run:?}");
+            assert_eq!((plan.period(run.before + 1), plan.period(before)), (period, period), "{run:?}");
+        }
     }
-    assert_eq!(plan.duration(), end);
+    assert_eq!((plan.duration(), plan.longest_period() <= longest_period), (end, true));
 }
 
 /// A count rules from the first period that begins at or after its write, unless a later count has been written by
 /// then. The chip's rule, applied plainly to the writes, must give the plan's own pulses.
 fn pulses_from_writes(plan: &Plan) -> Vec<u64> {
+    let runs: Vec<_> = plan.runs().collect();
     let mut pulses = vec![];
     let mut now = 0;
     for _ in 0..plan.total().0 {
-        let ruling = plan
-            .runs()
+        let ruling = runs
             .iter()
             .rfind(|run| run.written.is_some_and(|written| written <= now))
             .expect("the first count is written at 0");
@@ -214,7 +225,7 @@ fn every_length_can_be_planned_by_both_methods() {
 fn optimal_plans_never_change_speed_by_more_than_the_full_ramp_does() {
     let table = table(ShortMoves::Optimal);
     let largest = |plan: &Plan| {
-        let speeds: Vec<f64> = plan.runs().iter().map(|run| 2e6 / f64::from(run.period)).collect();
+        let speeds: Vec<f64> = plan.runs().map(|run| 2e6 / f64::from(run.period)).collect();
         speeds.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max)
     };
     let full = largest(&Plan::fastest(&table, Distance::MAX, SpeedIndex::TOP));
@@ -231,7 +242,7 @@ proptest! {
         let limit = SpeedIndex::new(limit).expect("in range");
         let plan = Plan::ramped(&table, steps(length), limit);
         check(&table, &plan, length.into(), 65_536);
-        prop_assert!(plan.runs().iter().all(|run| run.pulses == 0 || run.period >= table.period(limit)));
+        prop_assert!(plan.runs().all(|run| run.pulses == 0 || run.period >= table.period(limit)));
         prop_assert_eq!(pulses_from_writes(&plan), pulses_from_plan(&plan));
     }
 

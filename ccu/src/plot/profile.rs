@@ -395,7 +395,7 @@ fn family_of_1980(paper: &Table) -> Vec<(f64, f64)> {
         .filter_map(|distance| {
             let plan = Plan::ramped(paper, distance, SpeedIndex::TOP);
             let ramp = climb(&plan);
-            let first = plan.runs().first()?;
+            let first = plan.runs().next()?;
             (ramp > 0).then(|| (f64::from(ramp), f64::from(first.period - 1)))
         })
         .collect();
@@ -405,7 +405,7 @@ fn family_of_1980(paper: &Table) -> Vec<(f64, f64)> {
 
 /// na: the steps of a plan up to the end of its acceleration.
 fn climb(plan: &Plan) -> u32 {
-    plan.runs().iter().filter(|run| run.phase == Phase::Accelerating).map(|run| run.pulses).sum()
+    plan.runs().filter(|run| run.phase == Phase::Accelerating).map(|run| run.pulses).sum()
 }
 
 /// 2 na + offset: shorter movements have a ramp of their own in the method of 1980.
