@@ -204,23 +204,18 @@ fn where_to_create(error: &io::Error) -> &'static str {
 
 fn no_room(log: &LogSummary) -> LogTrouble {
     let path = log.parts.last().cloned().unwrap_or_default();
-    told_with(&LogError::Full { path }.to_string(), log, MAKE_ROOM)
+    told_with(&LogError::Full { path }.to_string(), log)
 }
 
 fn trouble_on_the_way(error: &LogError, log: &LogSummary) -> LogTrouble {
-    let advice = match error {
-        // The log was to go on in another file.
-        LogError::Create { error, .. } => where_to_create(error),
-        _ => MAKE_ROOM,
-    };
-    told_with(&error.to_string(), log, advice)
+    told_with(&error.to_string(), log)
 }
 
 /// What happened and what is in the log; what to do about it.
-fn told_with(what: &str, log: &LogSummary, advice: &str) -> LogTrouble {
+fn told_with(what: &str, log: &LogSummary) -> LogTrouble {
     LogTrouble {
         reason: format!("{what}: {} frames in {} bytes are in it, whole and readable", log.frames, log.bytes),
-        advice: format!("{advice}; then take the set down and up again"),
+        advice: format!("{MAKE_ROOM}; then take the set down and up again"),
     }
 }
 
