@@ -24,6 +24,10 @@ soak:
 lint:
     cargo fmt --check && cargo clippy --workspace --all-targets -- -D warnings
 
+# Hold the licences, sources and known faults of all dependencies against deny.toml; needs cargo-deny (`cargo install cargo-deny`)
+deny:
+    cargo deny check
+
 # Run what decides whether the tree is good; needs bash, and uses Python with pip if it is there
 ci:
     .ci/run

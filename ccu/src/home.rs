@@ -12,7 +12,8 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use miette::Diagnostic;
-use rustix::fs::{FlockOperation, flock};
+use rustix::fs::{Access, FlockOperation, access, flock};
+use rustix::process::getuid;
 
 /// The name of a set: 1 to 32 letters, digits, `-` and `_`, beginning with a letter or digit.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
@@ -63,6 +64,7 @@ pub enum HomeError {
     AlreadyUp(SetName),
     /// A file or folder.
     #[error("cannot {what} {}: {source}", path.display())]
+    #[diagnostic(help("{}", advice(path, source)))]
     Io {
         /// What was tried.
         what: &'static str,
@@ -71,10 +73,37 @@ pub enum HomeError {
         /// What the system said.
         source: io::Error,
     },
-    /// The folder in the system's temporary folder belongs to somebody else, or others may look into it.
-    #[error("{} is not ours alone", .0.display())]
-    #[diagnostic(help("set XDG_RUNTIME_DIR to a folder of your own, mode 0700"))]
-    NotOurs(PathBuf),
+    /// The runtime folder, or one above it, is another user's: a set obeys its owner alone.
+    #[error(
+        "no set of ours can be in {}: {} belongs to user {owner}, and we are user {}",
+        base.display(), closed.display(), getuid().as_raw()
+    )]
+    #[diagnostic(help(
+        "sets of user {owner} obey that user alone; for your own, set XDG_RUNTIME_DIR to a folder of your own, mode 0700"
+    ))]
+    AnotherUsers {
+        /// Where the set would be.
+        base: PathBuf,
+        /// The folder that belongs to somebody else.
+        closed: PathBuf,
+        /// To whom.
+        owner: u32,
+    },
+    /// Others may look into the runtime folder, or it is none.
+    #[error("{} is not ours alone: its mode is {:04o}", path.display(), mode & 0o7777)]
+    #[diagnostic(help(
+        "close it with `chmod 700 {}`, or set XDG_RUNTIME_DIR to a folder of your own, mode 0700", path.display()
+    ))]
+    Open {
+        /// The folder.
+        path: PathBuf,
+        /// What others may do with it.
+        mode: u32,
+    },
+    /// Something else is where the runtime folder should be.
+    #[error("{} is not a folder", .0.display())]
+    #[diagnostic(help("remove it, or set XDG_RUNTIME_DIR to a folder of your own, mode 0700"))]
+    NoFolder(PathBuf),
 }
 
 impl Home {
@@ -242,14 +271,43 @@ pub fn state_folder() -> Result<Option<PathBuf>, HomeError> {
 fn base() -> Result<PathBuf, HomeError> {
     let base = match std::env::var_os("XDG_RUNTIME_DIR").filter(|dir| Path::new(dir).is_absolute()) {
         Some(dir) => PathBuf::from(dir).join("supersigma"),
-        None => std::env::temp_dir().join(format!("supersigma-{}", rustix::process::getuid().as_raw())),
+        None => std::env::temp_dir().join(format!("supersigma-{}", getuid().as_raw())),
     };
-    private_folder(&base)?;
-    let owner = fs::symlink_metadata(&base).map_err(io_error("look at", &base))?;
-    if owner.uid() != rustix::process::getuid().as_raw() || owner.mode() & 0o077 != 0 || !owner.is_dir() {
-        return Err(HomeError::NotOurs(base));
+    private_folder(&base).map_err(|error| another_users(&base).unwrap_or(error))?;
+    let found = fs::symlink_metadata(&base).map_err(io_error("look at", &base))?;
+    if found.uid() != getuid().as_raw() {
+        return Err(HomeError::AnotherUsers { closed: base.clone(), base, owner: found.uid() });
+    }
+    if !found.is_dir() {
+        return Err(HomeError::NoFolder(base));
+    }
+    if found.mode() & 0o077 != 0 {
+        return Err(HomeError::Open { path: base, mode: found.mode() });
     }
     Ok(base)
+}
+
+/// Whether `base` cannot be reached or made because of a folder that belongs to somebody else: the nearest that can be
+/// looked at.
+fn another_users(base: &Path) -> Option<HomeError> {
+    let seen = |dir: &Path| Some((dir.to_owned(), fs::metadata(dir).ok()?.uid()));
+    let (closed, owner) = base.ancestors().find_map(seen)?;
+    let foreign = owner != getuid().as_raw() && access(&closed, Access::WRITE_OK | Access::EXEC_OK).is_err();
+    foreign.then(|| HomeError::AnotherUsers { base: base.to_owned(), closed, owner })
+}
+
+/// What to do about a file or folder with which something is wrong.
+fn advice(path: &Path, error: &io::Error) -> String {
+    let elsewhere =
+        "XDG_RUNTIME_DIR says where runtime folders are, XDG_STATE_HOME where logs are that nobody has named";
+    match error.kind() {
+        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
+            let at = path.parent().unwrap_or(path).display();
+            format!("make room there: `df -h {at}` and `df -i {at}` tell how much there is; {elsewhere}")
+        }
+        io::ErrorKind::ReadOnlyFilesystem => format!("choose a folder that can be written to; {elsewhere}"),
+        _ => format!("this user must be able to write there; {elsewhere}"),
+    }
 }
 
 fn private_folder(path: &Path) -> Result<(), HomeError> {

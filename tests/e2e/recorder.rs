@@ -355,16 +355,71 @@ fn where_no_log_can_be_nothing_is_started() {
     let dry = format!("run --dry-run --log {} -e print(1)", existing.display());
     cell.ccu(&dry).fails(2, &["there.mcap exists already"]);
     assert_eq!(fs::read(&existing).expect("it is there"), b"precious");
-    if geteuid().is_root() {
-        println!("skipped: root may write everywhere");
-    } else {
-        let closed = cell.path("closed");
-        fs::create_dir(&closed).expect("a folder");
-        fs::set_permissions(&closed, fs::Permissions::from_mode(0o500)).expect("our own");
-        up(&closed.join("run.mcap"))
-            .fails(1, &["cannot create the log", "Permission denied", "may write to"]);
-    }
     cell.assert_nothing_left();
     cell.ccu("up --log-rotate 10parsecs").fails(2, &["100MB, 2GB, 10min, 1h"]);
     cell.ccu("up --log-rotate 0MB").fails(2, &["at least 0.1MB"]);
+}
+
+/// A cell whose commands may not write everywhere, and what closes a folder to them.
+fn without_root() -> (Cell, impl Fn(&Path, u32)) {
+    let cell = Cell::new(EXE);
+    let cell = if geteuid().is_root() { cell.given_to(65_534) } else { cell };
+    let close = |folder: &Path, mode| {
+        fs::set_permissions(folder, fs::Permissions::from_mode(mode)).expect("our own, or root may");
+    };
+    (cell, close)
+}
+
+#[test]
+fn where_this_user_may_not_write_nothing_is_started() {
+    let (cell, close) = without_root();
+    close(&cell.path(""), 0o555);
+    cell.ccu("up --config cell.toml --log run.mcap")
+        .fails(1, &["cannot create the log", "run.mcap: Permission denied", "you may write to", "--log"]);
+    close(&cell.path("run"), 0o555);
+    fs::remove_dir_all(cell.path("run/supersigma")).expect("empty");
+    close(&cell.path(""), 0o755);
+    for (line, code) in [("up --config cell.toml --log run.mcap", 1), ("status", 3)] {
+        cell.ccu(line)
+            .fails(code, &["cannot make", "run/supersigma", "Permission denied", "XDG_RUNTIME_DIR"]);
+    }
+    close(&cell.path("run"), 0o755);
+    cell.assert_nothing_left();
+    assert!(!cell.path("run.mcap").exists());
+}
+
+#[test]
+fn a_log_whose_folder_is_closed_stays_in_its_file_and_goes_on_when_it_is_open() {
+    let (cell, close) = without_root();
+    cell.ccu("up --detach --time-scale 20 --config cell.toml --log run.mcap --log-rotate 0.1MB").done();
+    cell.ccu("origin left_x").done();
+    close(&cell.path(""), 0o555);
+    let messages = || fs::read_to_string(cell.runtime().with_extension("messages")).unwrap_or_default();
+    eventually("the end of the first file", || {
+        flood(&cell, 1, 200);
+        messages().contains("run.2.mcap: Permission denied").then_some(())
+    });
+    // It stays in the file that it has, so nothing is lost and axes go on.
+    cell.ccu("move left_x 10").done();
+    assert_eq!((&recorder(&cell)["state"], &recorder(&cell)["lost"]), (&json!("recording"), &json!(0)));
+    // Another recorder needs another file, and is started as soon as it can have one.
+    cell.recorder().signal(Signal::KILL);
+    let tried = "the recorder cannot be started again error=cannot create the log";
+    eventually("the attempt", || messages().contains(tried).then_some(()));
+    cell.until("left_x", "has braked", |axis| axis["alarm"]["cause"] == "braked");
+    cell.ccu("clear").done();
+    cell.ccu("move left_x 10").fails(1, &["the recorder is gone", "nothing moves without a log"]);
+    let frames = cell.ccu("frames --json run.mcap");
+    assert_eq!(frames.code(), Some(0), "{frames}");
+    for (sender, numbers) in numbers(&frames.json()) {
+        assert!((0..numbers.len() as u64).eq(numbers), "{sender} has a gap");
+    }
+    close(&cell.path(""), 0o755);
+    until_recorder(&cell, "is back", |recorder| recorder["state"] == "recording");
+    cell.ccu("clear").done();
+    cell.ccu("move left_x 10").done();
+    cell.ccu("down").done();
+    cell.assert_nothing_left();
+    cell.ccu("recover run.mcap -o whole.mcap").done();
+    assert_eq!(cell.frames(&cell.path("whole.mcap")), frames.json());
 }

@@ -1,7 +1,9 @@
 //! A cell: the whole world of one set, and what can be asked of it there.
 
 use std::collections::BTreeMap;
-use std::fs;
+use std::fs::{self, Permissions};
+use std::os::unix::fs::{PermissionsExt, chown};
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
@@ -23,6 +25,8 @@ pub struct Cell {
     exe: PathBuf,
     dir: Arc<TempDir>,
     name: String,
+    /// Whose commands they are, if not the test's own user's.
+    user: Option<u32>,
 }
 
 /// A set that has been brought up.
@@ -40,7 +44,7 @@ impl Cell {
     pub fn new(exe: &str) -> Self {
         // Not below TMPDIR, which may be long: the bus has its sockets in the runtime folder, and their paths are short.
         let dir = tempfile::Builder::new().prefix("ss").tempdir_in("/tmp").expect("a folder in /tmp");
-        let cell = Self { exe: exe.into(), dir: Arc::new(dir), name: "cell".into() };
+        let cell = Self { exe: exe.into(), dir: Arc::new(dir), name: "cell".into(), user: None };
         fs::create_dir(cell.path("run")).expect("a runtime folder");
         fs::write(cell.config(), patient()).expect("a configuration");
         cell
@@ -49,13 +53,34 @@ impl Cell {
     /// A second set in the same world.
     #[must_use]
     pub fn neighbour(&self, name: &str) -> Self {
-        Self { exe: self.exe.clone(), dir: Arc::clone(&self.dir), name: name.into() }
+        Self { exe: self.exe.clone(), dir: Arc::clone(&self.dir), name: name.into(), user: self.user }
     }
 
     /// The same set, asked by another copy of the program.
     #[must_use]
     pub fn with_program(&self, exe: &Path) -> Self {
-        Self { exe: exe.into(), dir: Arc::clone(&self.dir), name: self.name.clone() }
+        Self { exe: exe.into(), dir: Arc::clone(&self.dir), name: self.name.clone(), user: self.user }
+    }
+
+    /// The same world as another user's, whose commands are given by a copy of the program that everybody may start. Only
+    /// root can give things away.
+    #[must_use]
+    pub fn given_to(&self, user: u32) -> Self {
+        let exe = self.path("program");
+        fs::copy(&self.exe, &exe).expect("room for the program");
+        for path in [self.path(""), self.path("run"), self.config()] {
+            chown(path, Some(user), Some(user)).expect("root may");
+        }
+        for path in [self.path(""), exe.clone()] {
+            fs::set_permissions(path, Permissions::from_mode(0o755)).expect("root may");
+        }
+        Self { exe, dir: Arc::clone(&self.dir), name: self.name.clone(), user: Some(user) }
+    }
+
+    /// The same set, asked by another user.
+    #[must_use]
+    pub fn of_user(&self, user: u32) -> Self {
+        Self { exe: self.exe.clone(), dir: Arc::clone(&self.dir), name: self.name.clone(), user: Some(user) }
     }
 
     /// A path in the cell's folder, which is also the working directory and the home of its commands.
@@ -95,6 +120,9 @@ impl Cell {
             .env_remove("RUST_BACKTRACE");
         command.env("HOME", self.dir.path()).env("XDG_STATE_HOME", self.path("state"));
         command.env("XDG_RUNTIME_DIR", self.path("run")).env("CCU_NAME", &self.name);
+        if let Some(user) = self.user {
+            command.uid(user).gid(user);
+        }
         command
     }
 

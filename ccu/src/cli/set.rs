@@ -224,7 +224,7 @@ fn private_file(path: &std::path::Path) -> Result<File, Exit> {
 }
 
 pub(super) fn down(args: &DownArgs) -> Result<(), Exit> {
-    let home = Home::of(args.set.name.clone())?;
+    let home = Home::of(args.set.name.clone()).map_err(|error| Exit::with_code(3, error))?;
     let report = Client::connect(&home)?.down()?;
     // Empty, unless something went wrong; then it is kept.
     let messages = home.messages();

@@ -175,18 +175,31 @@ fn speak(said: &Receiver<Said>) -> io::Result<()> {
     Ok(())
 }
 
+const MAKE_ROOM: &str = "make room on that disk, or choose another one with --log";
+
 fn trouble_at_start(error: &LogError) -> LogTrouble {
     let advice = match error {
         LogError::Exists { .. } => "a log is never overwritten: choose another name, or move the file away",
-        LogError::Create { error, .. } if error.kind() == io::ErrorKind::NotFound => {
-            "make the folder first, or name a log elsewhere with --log"
-        }
-        LogError::Create { error, .. } if error.kind() == io::ErrorKind::PermissionDenied => {
-            "the folder must be one that you may write to; name a log elsewhere with --log"
-        }
+        LogError::Create { error, .. } => where_to_create(error),
+        LogError::Write { .. } => MAKE_ROOM,
         _ => "look at the disk and the folder, or name a log elsewhere with --log",
     };
     LogTrouble { reason: error.to_string(), advice: advice.to_owned() }
+}
+
+/// What to do if no file can be made.
+fn where_to_create(error: &io::Error) -> &'static str {
+    match error.kind() {
+        io::ErrorKind::NotFound => "make the folder first, or name a log elsewhere with --log",
+        io::ErrorKind::PermissionDenied => {
+            "the folder must be one that you may write to; name a log elsewhere with --log"
+        }
+        io::ErrorKind::ReadOnlyFilesystem => {
+            "nothing can be written to that disk as it is mounted; name a log elsewhere with --log"
+        }
+        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => MAKE_ROOM,
+        _ => "look at the disk and the folder, or name a log elsewhere with --log",
+    }
 }
 
 fn no_room(log: &LogSummary) -> LogTrouble {
@@ -202,9 +215,7 @@ fn trouble_on_the_way(error: &LogError, log: &LogSummary) -> LogTrouble {
 fn told_with(what: &str, log: &LogSummary) -> LogTrouble {
     LogTrouble {
         reason: format!("{what}: {} frames in {} bytes are in it, whole and readable", log.frames, log.bytes),
-        advice:
-            "make room on that disk, or choose another one with --log; then take the set down and up again"
-                .to_owned(),
+        advice: format!("{MAKE_ROOM}; then take the set down and up again"),
     }
 }
 

@@ -52,9 +52,12 @@ mod writer;
 #[cfg(test)]
 mod tests;
 
+use std::fs;
 use std::io;
-use std::path::PathBuf;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
 
+use rustix::process::geteuid;
 use supersigma_protocol::bus::BusError;
 
 pub(crate) use events::Watch as EventWatch;
@@ -114,7 +117,7 @@ pub enum LogError {
         path: PathBuf,
     },
     /// The file cannot be opened or read.
-    #[error("cannot read the log {}: {source}", .path.display())]
+    #[error("cannot read the log {}: {source}{}", .path.display(), whose(.path, .source))]
     Read {
         /// The file.
         path: PathBuf,
@@ -190,6 +193,17 @@ impl LogError {
             }
             _ => false,
         }
+    }
+}
+
+/// Whose a log is that this user may not read.
+fn whose(path: &Path, error: &io::Error) -> String {
+    let owner = fs::metadata(path).map(|found| found.uid());
+    match owner {
+        Ok(owner) if error.kind() == io::ErrorKind::PermissionDenied && owner != geteuid().as_raw() => {
+            format!("; logs are their owner's alone: ask user {owner}")
+        }
+        _ => String::new(),
     }
 }
 

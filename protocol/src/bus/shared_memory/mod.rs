@@ -98,7 +98,7 @@ impl SharedBus {
     /// # Errors
     /// If there is none, or iceoryx2 cannot open it.
     pub fn join(place: &Place) -> Result<Self, BusError> {
-        if !place.is_inhabited() {
+        if !place.is_inhabited()? {
             return Err(BusError::open(
                 "join the bus",
                 format!("there is none in {}; start the set first", place.root().display()),
@@ -133,14 +133,16 @@ impl SharedBus {
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create::<Carrier>()
             .map_err(|error| BusError::open("enter the bus", error))?;
-        Ok(Self {
+        let bus = Self {
             record: frames(&node, entry, "record", 1, TAPS)?,
             commands: frames(&node, entry, "commands", 1, CARDS)?,
             answers: frames(&node, entry, "answers", SPEAKERS, 1 + TAPS)?,
             lines: Line::all().map(|line| event(&node, entry, line)).collect::<Result<_, _>>()?,
             node,
             place: place.clone(),
-        })
+        };
+        place.close_folders()?;
+        Ok(bus)
     }
 
     /// A place to speak. If all are taken, one may be a dead process', which somebody else is just clearing away.

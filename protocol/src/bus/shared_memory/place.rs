@@ -2,14 +2,15 @@
 //! Knows iceoryx2's file names, opens none of its services.
 
 use std::ffi::OsStr;
-use std::fs::{self, DirBuilder, Permissions};
-use std::io;
+use std::fs::{self, DirBuilder, OpenOptions, Permissions};
+use std::io::{self, Write};
 use std::os::unix::ffi::OsStrExt;
-use std::os::unix::fs::{DirBuilderExt, PermissionsExt};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 use iceoryx2::config::Config;
 use iceoryx2::prelude::{FileName, SemanticString};
+use rustix::process::geteuid;
 
 use super::super::BusError;
 use super::room::{self, Room};
@@ -23,6 +24,8 @@ const SOCKET_PATH_BYTES: usize = 107;
 /// What iceoryx2 appends to folder and prefix for a listener's socket: a separator, a number, the suffix.
 const SOCKET_NAME_BYTES: usize = 1 + 36 + SOCKET_SUFFIX.len();
 const SOCKET_SUFFIX: &str = ".ev";
+/// What of a mode concerns other users than the owner.
+const OTHERS: u32 = 0o077;
 
 /// Where one set's bus lives. Each set has its own, so several live side by side and do not hear each other.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -72,8 +75,18 @@ impl Place {
     }
 
     /// Whether somebody has created a bus here, dead or alive.
-    pub(super) fn is_inhabited(&self) -> bool {
-        self.folder().is_dir()
+    ///
+    /// # Errors
+    /// If this user may not look.
+    pub(super) fn is_inhabited(&self) -> Result<bool, BusError> {
+        let folder = self.folder();
+        match fs::metadata(&folder) {
+            Ok(found) => Ok(found.is_dir()),
+            Err(error) if error.kind() == io::ErrorKind::PermissionDenied => {
+                Err(BusError::open("join the bus", format!("it is another user's: {}", at(&folder, &error))))
+            }
+            Err(_) => Ok(false),
+        }
     }
 
     /// Makes the folders, for this user only.
@@ -86,13 +99,35 @@ impl Place {
             .map_err(|error| BusError::open("make the bus's folder", at(&folder, &error)))
     }
 
-    /// iceoryx2 makes the counter of its nodes writable by every user of the machine; this takes it back.
+    /// iceoryx2 makes the counter of its nodes writable by every user of the machine. A copy that was never open takes its
+    /// place, for all who join later: who has opened the first one meanwhile holds a file that nobody looks into any more.
     pub(super) fn seal(&self) -> Result<(), BusError> {
         const WHAT: &str = "close the bus to other users";
         let files = self.shared_files().map_err(|error| BusError::open(WHAT, at(SHARED_MEMORY, &error)))?;
         for file in files {
-            fs::set_permissions(&file, Permissions::from_mode(0o600))
-                .map_err(|error| BusError::open(WHAT, at(&file, &error)))?;
+            self.close(&file).map_err(|error| BusError::open(WHAT, at(&file, &error)))?;
+        }
+        Ok(())
+    }
+
+    fn close(&self, file: &Path) -> io::Result<()> {
+        if fs::metadata(file)?.mode() & OTHERS == 0 {
+            return Ok(());
+        }
+        let copy = Path::new(SHARED_MEMORY).join(format!("{}copy", self.prefix));
+        let mut closed = OpenOptions::new().write(true).create_new(true).mode(0o600).open(&copy)?;
+        closed.write_all(&fs::read(file)?)?;
+        fs::rename(copy, file)
+    }
+
+    /// iceoryx2 lets the user's group read some of its folders. Nobody comes to them, since the one above is closed; but
+    /// nobody should have to know that.
+    pub(super) fn close_folders(&self) -> Result<(), BusError> {
+        let mut folders = vec![self.folder()];
+        while let Some(folder) = folders.pop() {
+            let closed = close_folder(&folder).map(|below| folders.extend(below));
+            unless_gone(closed)
+                .map_err(|error| BusError::open("close the bus's folders", at(&folder, &error)))?;
         }
         Ok(())
     }
@@ -116,10 +151,14 @@ impl Place {
         unless_gone(fs::remove_dir_all(&folder))
             .map_err(|error| BusError::open(WHAT, at(&folder, &error)))?;
         let files = self.shared_files().map_err(|error| BusError::open(WHAT, at(SHARED_MEMORY, &error)))?;
+        // One that cannot be removed keeps no other.
+        let mut trouble = Ok(());
         for file in files {
-            unless_gone(fs::remove_file(&file)).map_err(|error| BusError::open(WHAT, at(&file, &error)))?;
+            if let Err(error) = unless_gone(fs::remove_file(&file)) {
+                trouble = Err(BusError::open(WHAT, format!("{}{}", at(&file, &error), whose(&file))));
+            }
         }
-        Ok(())
+        trouble
     }
 
     /// iceoryx2's configuration for this place: set here in full, no file is looked for.
@@ -167,6 +206,31 @@ fn prefix_of(root: &Path) -> String {
         (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
     });
     format!("ss_{:012x}.", hash >> 16)
+}
+
+/// Closes a folder to others, and gives those in it.
+fn close_folder(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    if fs::metadata(folder)?.mode() & OTHERS != 0 {
+        fs::set_permissions(folder, Permissions::from_mode(0o700))?;
+    }
+    let mut below = Vec::new();
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        if entry.file_type()?.is_dir() {
+            below.push(entry.path());
+        }
+    }
+    Ok(below)
+}
+
+/// To whom a file belongs that is not ours, and what then can be done.
+fn whose(file: &Path) -> String {
+    match fs::symlink_metadata(file).map(|found| found.uid()) {
+        Ok(owner) if owner != geteuid().as_raw() => {
+            format!("; it belongs to user {owner}: have it removed, or give the set another name")
+        }
+        _ => String::new(),
+    }
 }
 
 fn at(path: impl AsRef<OsStr>, error: &io::Error) -> String {

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 
 use rustix::fs::{Access, FallocateFlags, access, fallocate, statvfs};
 use rustix::io::Errno;
+use rustix::process::geteuid;
 
 use super::super::BusError;
 
@@ -51,19 +52,21 @@ pub(super) fn look_for(room: Room, folder: &Path) -> Result<(), BusError> {
     Ok(())
 }
 
-/// Takes what these files may ever need. A file that is gone meanwhile needs nothing, and one that has all of its pages is
-/// not gone through again: every process of a set comes by the files of all.
+/// Takes what these files may ever need. A file that is gone meanwhile needs nothing, nor does one that another user has
+/// put among them; and one that has all of its pages is not gone through again: every process of a set comes by the files
+/// of all.
 ///
 /// # Errors
 /// If there is not so much.
 pub(super) fn take(files: impl IntoIterator<Item = PathBuf>, folder: &Path) -> Result<(), BusError> {
     for path in files {
         let taken = fs::metadata(&path).and_then(|file| {
-            if file.blocks() * BLOCK_BYTES >= file.len() {
+            if file.blocks() * BLOCK_BYTES >= file.len() || file.uid() != geteuid().as_raw() {
                 return Ok(());
             }
             let length = file.len();
-            let file = OpenOptions::new().read(true).write(true).open(&path)?;
+            // Only to write: whoever makes a file lets nobody read it, not even its owner, before it is ready.
+            let file = OpenOptions::new().write(true).open(&path)?;
             fallocate(&file, FallocateFlags::KEEP_SIZE, 0, length).map_err(io::Error::from)
         });
         match taken {
