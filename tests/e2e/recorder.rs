@@ -423,3 +423,46 @@ fn a_log_whose_folder_is_closed_stays_in_its_file_and_goes_on_when_it_is_open() 
     cell.ccu("recover run.mcap -o whole.mcap").done();
     assert_eq!(cell.frames(&cell.path("whole.mcap")), frames.json());
 }
+
+/// What `ccu up` says where this has been mounted before, in a mount namespace that ends with it.
+fn up_after(mount: &str, says: &[&str]) {
+    let cell = Cell::new(EXE);
+    fs::create_dir(cell.path("disk")).expect("a folder");
+    let script = format!("{mount} && echo mounted && exec '{EXE}' up --config cell.toml --log disk/run.mcap");
+    let mut command = Command::new("unshare");
+    command.args(["-m", "sh", "-c", &script]).current_dir(cell.path(""));
+    command.envs(cell.command(&[]).get_envs().filter_map(|(name, value)| Some((name, value?))));
+    let output = command.output();
+    let Some(output) = output.ok().filter(|output| output.stdout.starts_with(b"mounted")) else {
+        println!("skipped: mounting a small disk needs root, unshare and mount");
+        return;
+    };
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+    let ran = supersigma_tests::Ran { what: script, status: output.status, stdout: String::new(), stderr };
+    ran.fails(1, says);
+    cell.assert_nothing_left();
+}
+
+#[test]
+fn a_disk_that_takes_no_log_or_no_runtime_folder_is_told_at_the_start() {
+    up_after(
+        "mount -t tmpfs -o ro tmpfs disk",
+        &["cannot create the log", "Read-only file system", "as it is mounted", "--log"],
+    );
+    up_after(
+        "mount -t tmpfs -o size=64k tmpfs disk && head -c 64k /dev/zero >disk/full",
+        &["cannot write the log", "No space left on device", "make room on that disk", "--log"],
+    );
+    up_after(
+        "mount -t tmpfs -o ro tmpfs run",
+        &["cannot make", "run/supersigma", "Read-only file system", "XDG_RUNTIME_DIR"],
+    );
+    up_after(
+        "mount -t tmpfs -o size=16k tmpfs run && head -c 16k /dev/zero >run/full",
+        &["cannot write", "config.toml", "No space left on device", "df -h", "XDG_RUNTIME_DIR"],
+    );
+    up_after(
+        "mount -t tmpfs -o size=64k,nr_inodes=12 tmpfs run",
+        &["cannot create the bus", "df -i", "XDG_RUNTIME_DIR"],
+    );
+}

@@ -139,7 +139,10 @@ fn advice(error: &BusError) -> &'static str {
             "look with `df -h /dev/shm` and `df -i /dev/shm`; remove what is not needed there, or make it larger: \
              `mount -o remount,size=256M /dev/shm`, in a container `--shm-size=256m`"
         }
-        _ => "is there room in /dev/shm, and may we write there?",
+        _ => {
+            "is there room in /dev/shm and in the runtime folder (`df -h`, `df -i`), and may we write there? \
+             XDG_RUNTIME_DIR says where runtime folders are"
+        }
     }
 }
 
@@ -431,7 +434,7 @@ fn describer(
 fn write(path: &Path, text: &str) -> Result<(), StartError> {
     let file = fs::OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(path);
     file.and_then(|mut file| file.write_all(text.as_bytes()))
-        .map_err(|source| StartError::Io { what: "write into the runtime folder", source })
+        .map_err(|source| HomeError::Io { what: "write", path: path.to_owned(), source }.into())
 }
 
 fn sweep(place: &Place) {

@@ -104,7 +104,8 @@ pub(super) fn twin_into(view: &impl Serialize, text: &mut Vec<u8>) {
 /// in them is escaped.
 ///
 /// A quote that closes a string, followed by `:null`, is a key with its value: after a string as a value comes a comma
-/// or a brace, and a quote inside a string has a backslash before it.
+/// or a brace, a quote inside a string has a backslash before it, and before one that opens a value stands what no key ends
+/// with.
 fn drop_nulls(json: &mut Vec<u8>, start: usize) {
     const NULL: &[u8] = b"\":null";
     let nulls = Finder::new(NULL);
@@ -112,7 +113,7 @@ fn drop_nulls(json: &mut Vec<u8>, start: usize) {
     while let Some(next) = nulls.find(&json[at..]) {
         json.copy_within(at..at + next, kept);
         (kept, at) = (kept + next, at + next);
-        if is_escaped(&json[start..kept]) {
+        if is_escaped(&json[start..kept]) || opens_a_value(&json[start..kept]) {
             json[kept] = b'"';
             (kept, at) = (kept + 1, at + 1);
             continue;
@@ -137,6 +138,11 @@ fn drop_nulls(json: &mut Vec<u8>, start: usize) {
 /// Whether what follows this text has an odd number of backslashes before it.
 fn is_escaped(before: &[u8]) -> bool {
     before.iter().rev().take_while(|&&byte| byte == b'\\').count() % 2 == 1
+}
+
+/// Whether a quote after this text is the first one of a value.
+fn opens_a_value(before: &[u8]) -> bool {
+    matches!(before.last(), Some(b':' | b'[' | b','))
 }
 
 /// Gives a schema and the schemas in it exactly one `type` each, and no alternatives.

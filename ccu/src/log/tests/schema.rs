@@ -188,6 +188,13 @@ fn without_nulls(value: &mut Value) {
     }
 }
 
+#[test]
+fn a_value_that_begins_like_a_null_is_kept() {
+    let value = serde_json::json!({ "message": ":null", "all": [":null", ":null,"], "none": null });
+    let message: Value = serde_json::from_slice(&twin(&value)).expect("JSON");
+    assert_eq!(message, serde_json::json!({ "message": ":null", "all": [":null", ":null,"] }));
+}
+
 proptest::proptest! {
     #[test]
     fn nulls_are_dropped_wherever_they_stand(

@@ -86,6 +86,16 @@ impl SharedBus {
     pub fn create(place: &Place) -> Result<Self, BusError> {
         place.sweep()?;
         Place::look_for(room::OF_A_SET)?;
+        let bus = Self::begin(place);
+        if bus.is_err()
+            && let Err(error) = place.sweep()
+        {
+            tracing::warn!(%error, "something of a bus that could not be made is left on the machine");
+        }
+        bus
+    }
+
+    fn begin(place: &Place) -> Result<Self, BusError> {
         place.settle()?;
         let bus = Self::enter(place, Entry::Create)?;
         place.seal()?;
