@@ -132,8 +132,11 @@ impl Card {
     /// The next tick at which an axis may have to be sampled; `None` while nothing happens by itself.
     fn next_sample(&self) -> Option<Tick> {
         let (Kind::Axis(axis), Some(period)) = (&self.kind, self.sampling) else { return None };
-        axis.next_event()?;
-        Some(Tick((axis.now().0 / period.0 + 1).saturating_mul(period.0)))
+        let event = axis.next_event()?;
+        // A start may be set for years ahead, and until then there is nothing to sample.
+        let last =
+            if axis.is_under_way() { axis.now() } else { axis.now().max(Tick(event.0.saturating_sub(1))) };
+        Some(Tick((last.0 / period.0 + 1).saturating_mul(period.0)))
     }
 
     /// Hears a frame, now. Every card hears every frame of the CCU; a card answers those that are for it, and if it

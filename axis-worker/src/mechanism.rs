@@ -256,7 +256,7 @@ impl Mechanism {
             Direction::Forward => borders.into_iter().filter(|at| *at > e).map(|at| at - e).min(),
             Direction::TowardsOrigin => borders.into_iter().filter(|at| *at <= e).map(|at| e + 1 - at).min(),
         };
-        steps.map(|steps| steps + self.lost)
+        steps.map(|steps| steps.saturating_add(self.lost))
     }
 
     /// The next `pulses` will not reach the motor: a fault on purpose.

@@ -47,16 +47,18 @@ impl Ticks {
     }
 }
 
+/// Time has an end, 292 000 years after the epoch, and nothing comes after it: a frame may name any tick, and whoever
+/// counts on from it must not fail.
 impl Add<Ticks> for Tick {
     type Output = Self;
     fn add(self, span: Ticks) -> Self {
-        Self(self.0 + span.0)
+        Self(self.0.saturating_add(span.0))
     }
 }
 
 impl AddAssign<Ticks> for Tick {
     fn add_assign(&mut self, span: Ticks) {
-        self.0 += span.0;
+        *self = *self + span;
     }
 }
 
@@ -70,7 +72,7 @@ impl Sub<Ticks> for Tick {
 impl Add for Ticks {
     type Output = Self;
     fn add(self, other: Self) -> Self {
-        Self(self.0 + other.0)
+        Self(self.0.saturating_add(other.0))
     }
 }
 
@@ -381,9 +383,9 @@ impl fmt::Display for AxisNumber {
 pub struct Sequence(pub u64);
 
 impl Sequence {
-    /// The one after this.
+    /// The one after this; the last one, which no sender reaches by counting, has none but itself.
     #[must_use]
     pub const fn next(self) -> Self {
-        Self(self.0 + 1)
+        Self(self.0.saturating_add(1))
     }
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use miette::{IntoDiagnostic, miette};
 use supersigma_config::{AxisConfig, Config, ShortMoves};
-use supersigma_protocol::{AxisNumber, Distance, Tick};
+use supersigma_protocol::{AxisNumber, Distance, Tick, Ticks};
 
 use super::asked::unknown;
 use super::config;
@@ -189,14 +189,14 @@ fn window(args: &PlotArgs, trace: &Trace, span: Window, log: &Path) -> Result<Wi
     let from = args.from.map_or(whole.from, tick);
     // A beginning that is after all movements still has what comes then.
     let end = if from < whole.to { whole.to } else { span.to };
-    let window = Window { from, to: args.to.map_or(end.max(Tick(whole.from.0 + 1)), tick) };
+    let window = Window { from, to: args.to.map_or(end.max(whole.from + Ticks(1)), tick) };
     let (from, to) = (window.seconds().start, window.seconds().end);
     if args.to.is_some() && window.from >= window.to {
         return Err(Exit::wrong(miette!(
             "from {from:.3} s to {to:.3} s there is nothing: it ends before it begins"
         )));
     }
-    if window.to < span.from || window.from >= span.to.max(Tick(span.from.0 + 1)) {
+    if window.to < span.from || window.from >= span.to.max(span.from + Ticks(1)) {
         return Err(Exit::wrong(miette!(
             help = format!("it goes from {:.3} s to {:.3} s", span.seconds().start, span.seconds().end),
             "the log {} has nothing from {from:.3} s on{}",

@@ -11,7 +11,7 @@ use mcap::MAGIC;
 use mcap::records::{Channel, Record, SchemaHeader, Statistics, op};
 
 use super::header::WallTime;
-use super::reader::LONGEST_RECORD;
+use super::limits::LONGEST_RECORD;
 
 /// A record's code and length.
 pub(super) const RECORD_HEAD: usize = 1 + 8;

@@ -12,14 +12,15 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use mcap::records::{Channel, MessageHeader, Record};
-use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader};
 use mcap::{MAGIC, McapError};
 
 use super::LogError;
 use super::channels::MICROBUS;
 use super::header::{CONFIG_NAME, LogHeader, METADATA_NAME, SCRIPT_NAME, WallTime};
 use super::index::{Index, Parts};
-use super::reader::{LONGEST_RECORD, attachment_is_whole};
+use super::limits::{LONGEST_RECORD, ONE_READ, options};
+use super::reader::attachment_is_whole;
 
 /// A channel, and what is known of it so far.
 #[derive(Debug, Clone)]
@@ -42,6 +43,8 @@ pub(super) struct Messages {
     script: Option<String>,
     schemas: BTreeMap<u16, String>,
     channels: BTreeMap<u16, Listed>,
+    /// How long the records of both are that are kept.
+    described: usize,
     /// The log times of the first and the last message.
     times: Option<(WallTime, WallTime)>,
     indexed: bool,
@@ -67,6 +70,7 @@ impl Messages {
     pub(super) fn open(path: &Path, wanted: fn(&Channel) -> bool) -> Result<Self, LogError> {
         let read = |source| LogError::Read { path: path.to_owned(), source };
         let mut file = File::open(path).map_err(read)?;
+        let length = file.metadata().map_err(read)?.len();
         let mut start = Vec::new();
         file.by_ref().take(MAGIC.len() as u64).read_to_end(&mut start).map_err(read)?;
         if !MAGIC.starts_with(&start) {
@@ -79,7 +83,7 @@ impl Messages {
         let mut messages = Self {
             path: path.to_owned(),
             input: Box::new(BufReader::new(file)),
-            format: LinearReader::new_with_options(options()),
+            format: LinearReader::new_with_options(options(length)),
             wanted,
             header: None,
             entries: BTreeMap::new(),
@@ -87,6 +91,7 @@ impl Messages {
             script: None,
             schemas: BTreeMap::new(),
             channels: BTreeMap::new(),
+            described: 0,
             times: None,
             indexed: false,
             truncated: short,
@@ -115,6 +120,7 @@ impl Messages {
     pub(super) fn narrow(&mut self, times: &RangeInclusive<WallTime>) -> Result<bool, LogError> {
         let read = |source| LogError::Read { path: self.path.clone(), source };
         let mut file = File::open(&self.path).map_err(read)?;
+        let length = file.metadata().map_err(read)?.len();
         let Some(index) = Index::read(&mut file, self.wanted, times).map_err(read)? else {
             return Ok(false);
         };
@@ -132,7 +138,7 @@ impl Messages {
         self.times = (index.statistics.message_count > 0).then_some((bounds[0], bounds[1]));
         self.input = Box::new(BufReader::new(Parts::new(file, index.chunks)));
         // The end of the last chunk is the end.
-        self.format = LinearReader::new_with_options(options().with_skip_end_magic(true));
+        self.format = LinearReader::new_with_options(options(length).with_skip_end_magic(true));
         (self.indexed, self.truncated, self.ended) = (true, false, false);
         Ok(true)
     }
@@ -197,7 +203,7 @@ impl Messages {
             let (opcode, data) = match self.format.next_event() {
                 None => return Ok(Step::End),
                 Some(Ok(LinearReadEvent::ReadRequest(bytes))) => {
-                    match self.input.read(self.format.insert(bytes)) {
+                    match self.input.read(self.format.insert(bytes.min(ONE_READ))) {
                         Ok(read) => self.format.notify_read(read),
                         Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
                         Err(source) => {
@@ -219,8 +225,19 @@ impl Messages {
             if opcode == mcap::records::op::ATTACHMENT && !attachment_is_whole(data) {
                 return Err(damaged(&self.path, &self.channels, McapError::UnexpectedEoc));
             }
+            let length = data.len();
             let record = mcap::parse_record(opcode, data)
                 .map_err(|source| damaged(&self.path, &self.channels, source))?;
+            let is_new = match &record {
+                Record::Schema { header, .. } => !self.schemas.contains_key(&header.id),
+                Record::Channel(channel) => !self.channels.contains_key(&channel.id),
+                _ => false,
+            };
+            self.described += if is_new { length } else { 0 };
+            if self.described > LONGEST_RECORD {
+                let source = McapError::RecordTooLarge { opcode, len: self.described as u64 };
+                return Err(damaged(&self.path, &self.channels, source));
+            }
             return Ok(match record {
                 Record::Attachment { header, data, .. } => {
                     let text = String::from_utf8_lossy(&data).into_owned();
@@ -241,7 +258,7 @@ impl Messages {
                     Step::Other
                 }
                 Record::Schema { header, .. } => {
-                    self.schemas.insert(header.id, header.name);
+                    self.schemas.entry(header.id).or_insert(header.name);
                     Step::Other
                 }
                 Record::Channel(channel) => {
@@ -272,14 +289,6 @@ impl Messages {
             });
         }
     }
-}
-
-/// Only chunks whose checksums hold are opened.
-fn options() -> LinearReaderOptions {
-    LinearReaderOptions::default()
-        .with_skip_start_magic(true)
-        .with_prevalidate_chunk_crcs(true)
-        .with_record_length_limit(LONGEST_RECORD)
 }
 
 fn damaged(path: &Path, channels: &BTreeMap<u16, Listed>, source: McapError) -> LogError {

@@ -11,6 +11,7 @@
 //!                      │ senders   gaps in the sequence numbers
 //!                      │ order     one time order out of two services and eight senders
 //!                      │ told      what viewers are told, in JSON; shared with `live`, the view of a running set
+//!                      │ limits    how much of a file readers take into memory
 //!                      │ view      frames decoded for JSON
 //!                      │ joints    all axes in one message
 //!                      └ schema    what the channels hold
@@ -30,6 +31,7 @@ mod header;
 mod index;
 mod info;
 mod joints;
+mod limits;
 mod line;
 mod live;
 mod messages;

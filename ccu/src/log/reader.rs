@@ -16,9 +16,6 @@ use super::channels::{LANE, MICROBUS, lane_name};
 use super::header::{LogHeader, WallTime};
 use super::messages::Messages;
 
-/// No record, and no chunk, of a log comes near this; a longer one is damage.
-pub(super) const LONGEST_RECORD: usize = 256 << 20;
-
 /// What was on the bus once.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LoggedFrame {

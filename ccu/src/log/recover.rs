@@ -6,13 +6,13 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, BufReader, BufWriter, Read, Seek, Write};
+use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 
 use mcap::records::{Channel, MessageHeader, Record};
-use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader};
 use mcap::{Attachment, McapError, WriteOptions};
 use rustix::fs::{CWD, RenameFlags, renameat_with};
 use serde::{Serialize, Serializer};
@@ -23,7 +23,7 @@ use super::channels::MICROBUS;
 use super::file::OWNER_ONLY;
 use super::header::{LogHeader, METADATA_NAME, WallTime};
 use super::index::{Index, Parts};
-use super::reader::LONGEST_RECORD;
+use super::limits::{ONE_READ, options};
 use super::salvage::{Chunk, Piece, Salvage};
 use super::senders::Senders;
 
@@ -366,18 +366,14 @@ fn compare(out: &mut (impl Read + Seek), recovery: &Recovery, tally: &Tally) -> 
     {
         return not("its statistics are others");
     }
-    let options = LinearReaderOptions::default()
-        .with_skip_start_magic(true)
-        .with_skip_end_magic(true)
-        .with_prevalidate_chunk_crcs(true)
-        .with_record_length_limit(LONGEST_RECORD);
-    let mut reader = LinearReader::new_with_options(options);
+    let length = out.seek(SeekFrom::End(0)).map_err(unreadable)?;
+    let mut reader = LinearReader::new_with_options(options(length).with_skip_end_magic(true));
     let mut parts = BufReader::new(Parts::new(out, index.chunks));
     let mut read = Tally::default();
     while let Some(event) = reader.next_event() {
         match event.map_err(|_| Trouble::NotAsWritten("a chunk does not read back"))? {
             LinearReadEvent::ReadRequest(bytes) => {
-                let bytes = parts.read(reader.insert(bytes)).map_err(unreadable)?;
+                let bytes = parts.read(reader.insert(bytes.min(ONE_READ))).map_err(unreadable)?;
                 reader.notify_read(bytes);
             }
             LinearReadEvent::Record { opcode, data } => {

@@ -13,11 +13,12 @@ use std::io::{self, Read, Seek, SeekFrom};
 use std::ops::Range;
 
 use mcap::records::{AttachmentHeader, Header, Metadata, Record, op};
-use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader};
 use mcap::{MAGIC, McapError};
 
 use super::index::{RECORD_HEAD, number};
-use super::reader::{LONGEST_RECORD, attachment_is_whole};
+use super::limits::{LONGEST_RECORD, options};
+use super::reader::attachment_is_whole;
 
 /// What stands at a fixed distance behind the beginning of a chunk of ours: how it is compressed.
 const CHUNK_MARK: (&[u8], u64) = (b"\x04\0\0\0zstd", (RECORD_HEAD + 8 + 8 + 8 + 4) as u64);
@@ -206,11 +207,7 @@ fn piece(record: &[u8]) -> Option<Piece> {
 
 /// The records of a chunk; `None` if its checksum does not hold, or if they are none.
 fn unpack(record: &[u8]) -> Option<Chunk> {
-    let options = LinearReaderOptions::default()
-        .with_skip_start_magic(true)
-        .with_skip_end_magic(true)
-        .with_prevalidate_chunk_crcs(true)
-        .with_record_length_limit(LONGEST_RECORD);
+    let options = options(record.len() as u64).with_skip_end_magic(true);
     let mut reader = LinearReader::new_with_options(options);
     let mut chunk = Chunk::default();
     let mut rest = record;

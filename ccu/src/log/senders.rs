@@ -52,7 +52,7 @@ impl Senders {
         let first = if self.joined_late { frame.sequence } else { Sequence(0) };
         let life = self.lives.entry(frame.sender).or_insert(Life { next: first, ..Life::default() });
         let expected = life.next;
-        life.next = Sequence(frame.sequence.0.saturating_add(1));
+        life.next = frame.sequence.next();
         life.placed = life.placed.max(wanted);
         life.left =
             matches!(&frame.body, Body::Answer(answer) if answer.about == About::Unasked(Occasion::Leaving));

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use plotters::prelude::*;
-use supersigma_protocol::{Direction, Tick};
+use supersigma_protocol::{Direction, Tick, Ticks};
 
 use super::sheet::{
     ALARM, Area, Chart, Drawn, Entry, FAINT, Frame, GREY, HEADING, Head, INK, LABELS, SHADE, Words, number,
@@ -27,7 +27,7 @@ const INPUT: RGBColor = RGBColor(160, 160, 160);
 /// If the drawing library refuses.
 pub fn gantt(timing: &Timing, subject: &Subject<'_>) -> Result<Picture, PlotError> {
     let span = timing.span.unwrap_or(Window { from: Tick(0), to: Tick(0) });
-    let window = Window { to: span.to.max(Tick(span.from.0 + 1)), ..span };
+    let window = Window { to: span.to.max(span.from + Ticks(1)), ..span };
     let head = Head { title: subject.title, subtitle: subject.subtitle, legend: legend(timing) };
     let above = head.height(WIDTH);
     let tall = above + HEADING + height(timing, subject) + LABELS + 8.0;

@@ -3,7 +3,7 @@
 
 use supersigma_protocol::{
     Activity, Alarm, Answer, AxisNumber, AxisReport, Body, CardKind, Fault, Frame, Pace, Position, Report,
-    StatusWord, Tick,
+    StatusWord, Tick, Ticks,
 };
 
 /// The state of an axis at one tick.
@@ -167,7 +167,7 @@ impl Trace {
         let air = to.since(from).0 / 50;
         Some(Window {
             from: Tick(from.0.saturating_sub(air)).max(span.from).min(from),
-            to: Tick(to.0 + air.max(1)).min(span.to).max(Tick(from.0 + 1)),
+            to: (to + Ticks(air.max(1))).min(span.to).max(from + Ticks(1)),
         })
     }
 

@@ -213,7 +213,9 @@ impl Life {
     fn bring_to(&mut self, to: Tick, most: usize) -> bool {
         loop {
             // Also when it is there already: what falls due with what it was told last is then done.
-            let next = if self.card.next_event().is_some() { to.min(self.card.now() + SLICE) } else { to };
+            let now = self.card.now();
+            // A start may be set for years ahead, and until then nothing happens.
+            let next = self.card.next_event().map_or(to, |event| to.min(event.max(now) + SLICE));
             self.card.advance(next, &mut self.said);
             if self.card.now() >= to {
                 return true;

@@ -215,7 +215,7 @@ impl Picture {
         let Some(due) = due.filter(|_| frame.sequence != Sequence(0)) else { return };
         let lost = frame.sequence.0.saturating_sub(due.0);
         if lost > 0 {
-            self.lost += lost;
+            self.lost = self.lost.saturating_add(lost);
             let message = format!("{lost} frames lost: number {} was due, {} came", due.0, frame.sequence.0);
             let name = sender_name(frame.sender, &self.names).into_owned();
             self.event(Event::new(Level::Error, name, message));
