@@ -100,14 +100,14 @@ struct Garbled<'a> {
 impl Garbled<'_> {
     fn request(&mut self) -> Request {
         let axes = self.axes();
-        let axis = self.axis();
+        let one = self.axis();
         let chance = &mut self.chance;
         let wait = taken(chance.arbitrary());
         let speed = taken(chance.arbitrary::<bool>()).then(|| taken(chance.arbitrary::<f64>()));
         match taken(chance.int_in_range(0_u8..=20)) {
             0 => Request::Originate { axes },
-            1 => Request::SeekReference { axis },
-            2 | 3 => Request::Move { axis, by: self.steps(), speed, constant: wait, wait },
+            1 => Request::SeekReference { axis: one },
+            2 | 3 => Request::Move { axis: one, by: self.steps(), speed, constant: wait, wait },
             4 | 5 => Request::Line { parts: self.parts(), speed, wait },
             6 => {
                 let legs = (0..3).map(|_| Leg { parts: self.parts(), speed }).collect();
@@ -119,7 +119,7 @@ impl Garbled<'_> {
             10 => Request::Status { axes },
             11 => Request::Output { bit: taken(chance.arbitrary()), on: wait },
             12 => Request::Digital { card: Address(taken(chance.int_in_range(8..=9))) },
-            13 => Request::Inject { axis, fault: frames::fault(chance) },
+            13 => Request::Inject { axis: one, fault: frames::fault(chance) },
             14 => Request::Wait { ticks: Ticks(taken(chance.arbitrary())) },
             15 => Request::Send { bytes: frames::command_bytes(chance) },
             16 => Request::Await { begun: vec![Begun(0), Begun(1)], until: Until::Any },
@@ -130,7 +130,9 @@ impl Garbled<'_> {
             }
             _ => {
                 let by = self.steps();
-                Request::Begin { request: Box::new(Request::Move { axis, by, speed, constant: false, wait }) }
+                Request::Begin {
+                    request: Box::new(Request::Move { axis: one, by, speed, constant: false, wait }),
+                }
             }
         }
     }
