@@ -1,4 +1,4 @@
-//! Garbage in: the bodies of the fuzz targets in `fuzz/`, which the test `garbage` feeds by chance too.
+//! Garbage in: what must hold whatever bytes come, a body for each way in. The test `garbage` feeds them by chance.
 //!
 //! | body | what comes in | what must hold besides that nothing panics |
 //! |---|---|---|

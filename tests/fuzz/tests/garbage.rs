@@ -1,5 +1,4 @@
-//! The bodies of the fuzz targets, fed by chance for a moment each: what they find in seconds never comes back. `just fuzz`
-//! runs them for longer, guided by what the bytes reach.
+//! Every way in, fed by chance for a moment; see the crate for what must hold.
 
 use proptest::prelude::*;
 
