@@ -2,9 +2,6 @@
 //! without it.
 
 use std::fs;
-use std::os::unix::fs::chown;
-use std::os::unix::process::CommandExt;
-use std::process::{Command, Output};
 use std::thread;
 
 use supersigma_config::{RealTimeConfig, SchedulingPolicy};
@@ -68,35 +65,17 @@ fn what_is_granted_holds_for_every_card() {
 }
 
 /// A command that may not have what the configuration wants.
-fn refused(cell: &Cell, line: &str) -> Output {
-    let words: Vec<&str> = line.split(' ').collect();
-    let ours = cell.command(&words);
-    let mut command = Command::new("sh");
-    command.args(["-c", "ulimit -r 0 && ulimit -l 64 && exec \"$0\" \"$@\"", EXE]).args(words);
-    command.current_dir(cell.path(""));
-    for (name, value) in ours.get_envs() {
-        match value {
-            Some(value) => command.env(name, value),
-            None => command.env_remove(name),
-        };
-    }
-    if rustix::process::geteuid().is_root() {
-        command.uid(NOBODY).gid(NOBODY);
-    }
-    let output = command.output().expect("it runs");
-    assert!(output.status.success(), "`{line}`: {output:?}");
-    output
+fn refused(cell: &Cell, line: &str) {
+    let ran = cell.ccu_after(&["sh"], "ulimit -r 0 && ulimit -l 64", line);
+    assert_eq!(ran.code(), Some(0), "{ran}");
 }
 
 #[test]
 fn what_is_refused_is_told_and_the_set_works_without() {
     // No machine has so many processors.
     let cell = wanting("1023");
-    if rustix::process::geteuid().is_root() {
-        for path in ["", "run", "cell.toml"] {
-            chown(cell.path(path), Some(NOBODY), Some(NOBODY)).expect("root may");
-        }
-    }
+    // Root would be refused nothing.
+    let cell = if rustix::process::geteuid().is_root() { cell.given_to(NOBODY) } else { cell };
     refused(&cell, "up --detach --config cell.toml --log cell.mcap --time-scale 20");
     refused(&cell, "origin wrist");
     refused(&cell, "move wrist 400");

@@ -7,7 +7,6 @@ use std::io::{BufRead, BufReader, Write};
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
@@ -287,33 +286,10 @@ fn a_full_disk_is_noticed_while_there_is_room_for_the_end() {
     let cell = Cell::new(EXE);
     let disk = cell.path("disk");
     fs::create_dir(&disk).expect("a folder");
-    let mounted = "mount -t tmpfs -o size=6m tmpfs disk";
-    let possible = geteuid().is_root()
-        && Command::new("unshare")
-            .args(["-m", "sh", "-c", mounted])
-            .current_dir(cell.path(""))
-            .status()
-            .is_ok_and(|status| status.success());
-    if !possible {
-        println!("skipped: mounting a small disk needs root, unshare and mount");
-        return;
-    }
     // The set lives where the disk is mounted, and nobody else does.
-    let ccu = cell.command(&[]);
-    let inside = format!(
-        "{mounted} && exec '{}' up --detach --time-scale 2 --config cell.toml --log disk/run.mcap",
-        ccu.get_program().to_string_lossy()
-    );
-    let mut command = Command::new("unshare");
-    command.args(["-m", "sh", "-c", &inside]).current_dir(cell.path(""));
-    for (key, value) in ccu.get_envs() {
-        match value {
-            Some(value) => command.env(key, value),
-            None => command.env_remove(key),
-        };
-    }
-    let output = command.output().expect("unshare ran before");
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let up = "up --detach --time-scale 2 --config cell.toml --log disk/run.mcap";
+    let Some(ran) = cell.ccu_after_mount("mount -t tmpfs -o size=6m tmpfs disk", up) else { return };
+    assert_eq!(ran.code(), Some(0), "{ran}");
     cell.ccu("origin left_x").done();
     cell.ccu("move left_x 60000 --speed 4000 --no-wait").done();
     cell.until("left_x", "at its speed", |axis| axis["activity"] == "cruising");
@@ -428,17 +404,8 @@ fn a_log_whose_folder_is_closed_stays_in_its_file_and_goes_on_when_it_is_open() 
 fn up_after(mount: &str, says: &[&str]) {
     let cell = Cell::new(EXE);
     fs::create_dir(cell.path("disk")).expect("a folder");
-    let script = format!("{mount} && echo mounted && exec '{EXE}' up --config cell.toml --log disk/run.mcap");
-    let mut command = Command::new("unshare");
-    command.args(["-m", "sh", "-c", &script]).current_dir(cell.path(""));
-    command.envs(cell.command(&[]).get_envs().filter_map(|(name, value)| Some((name, value?))));
-    let output = command.output();
-    let Some(output) = output.ok().filter(|output| output.stdout.starts_with(b"mounted")) else {
-        println!("skipped: mounting a small disk needs root, unshare and mount");
-        return;
-    };
-    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
-    let ran = supersigma_tests::Ran { what: script, status: output.status, stdout: String::new(), stderr };
+    let up = "up --config cell.toml --log disk/run.mcap";
+    let Some(ran) = cell.ccu_after_mount(mount, up) else { return };
     ran.fails(1, says);
     cell.assert_nothing_left();
 }

@@ -3,38 +3,14 @@
 
 use std::fs;
 use std::os::unix::fs::MetadataExt;
-use std::process::Command;
 
-use supersigma_tests::{Cell, Ran};
+use supersigma_tests::Cell;
 
 const EXE: &str = env!("CARGO_BIN_EXE_ccu");
 
-/// Runs `ccu up` where `mount` has been done before, in a mount namespace that ends with it. `None`, and a word why, if
-/// this cannot be had here.
-fn up_after(cell: &Cell, mount: &str) -> Option<Ran> {
-    let possible = Command::new("unshare").args(["-m", "true"]).output();
-    if !possible.is_ok_and(|output| output.status.success()) {
-        eprintln!("skipped: a mount namespace needs root, and the command unshare");
-        return None;
-    }
-    let script = format!("{mount} && exec {EXE} up --log {}", cell.path("log.mcap").display());
-    let template = cell.command(&[]);
-    let mut command = Command::new("unshare");
-    command.args(["-m", "sh", "-c", &script]).current_dir(cell.path(""));
-    command.env_remove("RUST_LOG").env_remove("RUST_BACKTRACE");
-    command.envs(template.get_envs().filter_map(|(name, value)| Some((name, value?))));
-    let output = command.output().expect("it was just there");
-    Some(Ran {
-        what: script,
-        status: output.status,
-        stdout: String::from_utf8_lossy(&output.stdout).into_owned(),
-        stderr: String::from_utf8_lossy(&output.stderr).into_owned(),
-    })
-}
-
 fn is_refused(mount: &str, says: &[&str]) {
     let cell = Cell::new(EXE);
-    let Some(ran) = up_after(&cell, mount) else { return };
+    let Some(ran) = cell.ccu_after_mount(mount, "up --log log.mcap") else { return };
     ran.fails(1, &["there is no room for the bus in /dev/shm", "df -h /dev/shm"]);
     ran.fails(1, says);
     cell.assert_nothing_left();

@@ -112,7 +112,10 @@ impl Cell {
     /// A command in this cell.
     #[must_use]
     pub fn command(&self, arguments: &[&str]) -> Command {
-        let mut command = Command::new(&self.exe);
+        self.here(Command::new(&self.exe), arguments)
+    }
+
+    fn here(&self, mut command: Command, arguments: &[&str]) -> Command {
         command
             .args(arguments)
             .current_dir(self.dir.path())
@@ -136,6 +139,27 @@ impl Cell {
     #[must_use = "it may have failed"]
     pub fn ccu(&self, line: &str) -> Ran {
         self.run(&words(line))
+    }
+
+    /// Runs a command line where `mount` has been done before, in a mount namespace that ends with it. `None`, and a word
+    /// why, if this cannot be had here.
+    #[must_use = "it may have failed"]
+    pub fn ccu_after_mount(&self, mount: &str, line: &str) -> Option<Ran> {
+        let mut disk = Command::new("unshare");
+        disk.args(["-m", "mount", "-t", "tmpfs", "tmpfs"]).arg(self.dir.path());
+        if !disk.output().is_ok_and(|output| output.status.success()) {
+            eprintln!("skipped: mounting a disk needs root, unshare and mount");
+            return None;
+        }
+        Some(self.ccu_after(&["unshare", "-m", "sh"], mount, line))
+    }
+
+    /// Runs a command line after `before`, in the shell that `shell` starts.
+    #[must_use = "it may have failed"]
+    pub fn ccu_after(&self, shell: &[&str], before: &str, line: &str) -> Ran {
+        let mut command = Command::new(shell[0]);
+        command.args(&shell[1..]).args(["-c", &format!("{before} && exec \"$0\" \"$@\"")]).arg(&self.exe);
+        Running::start(self.here(command, &words(line))).end()
     }
 
     /// Starts a command line whose words have no spaces in them.
