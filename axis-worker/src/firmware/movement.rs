@@ -197,7 +197,7 @@ impl Movement {
     /// The last count of the plan that is written before `limit`.
     fn landing_on_run(&self, index: usize, limit: u64) -> Option<Landing> {
         let plan = self.schedule.own_plan()?;
-        // Two pulses after the last one before `limit` ends the period after the running one: the chip takes no later count.
+        // What is written before `limit` is at most for the period after the running one, which ends two pulses later.
         let furthest = plan.run_of(plan.pulses_by(limit) + 2);
         let last = (index + 1..=furthest).rev().find_map(|last| {
             let run = plan.run(last)?;

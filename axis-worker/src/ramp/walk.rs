@@ -80,13 +80,13 @@ impl Walk {
     /// The last pulse at or before `tick`.
     pub(super) fn pulse_at_most(&self, tick: u64) -> u32 {
         let rung = self.rung_at(tick);
-        rung.and_count((tick - rung.start) / u64::from(rung.period))
+        rung.pulse_after((tick - rung.start) / u64::from(rung.period))
     }
 
     /// The first pulse at or after `tick`.
     pub(super) fn pulse_at_least(&self, tick: u64) -> u32 {
         let rung = self.rung_at(tick);
-        rung.and_count((tick - rung.start).div_ceil(u64::from(rung.period)))
+        rung.pulse_after((tick - rung.start).div_ceil(u64::from(rung.period)))
     }
 
     /// How many pulses of the walk have periods of at least `period`; no end to them if the top has.
@@ -108,7 +108,7 @@ impl Walk {
 
 impl Rung {
     /// The pulse after so many of its periods.
-    fn and_count(self, periods: u64) -> u32 {
+    fn pulse_after(self, periods: u64) -> u32 {
         u32::try_from(u64::from(self.before) + periods).unwrap_or(u32::MAX)
     }
 }
