@@ -78,8 +78,8 @@ pub use recover::{Lost, Recovery, recover};
 pub use rotation::Rotation;
 pub(crate) use schema::view_schema;
 pub use senders::Gap;
-pub use told::{ENCODING, Message, SCHEMA_ENCODING, Topic};
-pub use twins::{TwinReader, Twinned, twin_of};
+pub use told::{ENCODING, Message, SCHEMA_ENCODING, Topic, twin_of};
+pub use twins::{TwinReader, Twinned};
 pub(crate) use view::sender_name;
 pub use view::{
     AboutView, AlarmView, AnswerView, AxisView, CommandView, DigitalView, FrameView, RefusalView, ReportView,

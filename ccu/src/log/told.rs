@@ -127,14 +127,8 @@ impl Teller {
         match frame {
             Ok(frame) => {
                 events.extend(watch.events(frame, names));
-                match topic(frame) {
+                match twin_of(frame, bytes, names, text) {
                     Some(topic) => {
-                        text.clear();
-                        match FrameView::new(bytes, Ok(frame), names) {
-                            FrameView::Command(view) => twin_into(&view, text),
-                            FrameView::Answer(view) => twin_into(&view, text),
-                            FrameView::Undecodable(view) => twin_into(&view, text),
-                        }
                         tell(Message { topic, number: Some(frame.sequence), time: None, data: text });
                     }
                     None => events.push(Event::stranger(frame)),
@@ -165,6 +159,18 @@ impl Teller {
 
 fn joint_states(time: WallTime, data: &[u8]) -> Message<'_> {
     Message { topic: Topic::Joints, number: None, time: Some(time), data }
+}
+
+/// Writes the twin that belongs to a frame, and says on which topic. A motor's state under an address that is no axis' has none.
+pub fn twin_of(frame: &Frame, bytes: &[u8], names: &AxisNames, into: &mut Vec<u8>) -> Option<Topic> {
+    into.clear();
+    let topic = topic(frame)?;
+    match FrameView::new(bytes, Ok(frame), names) {
+        FrameView::Command(view) => twin_into(&view, into),
+        FrameView::Answer(view) => twin_into(&view, into),
+        FrameView::Undecodable(view) => twin_into(&view, into),
+    }
+    Some(topic)
 }
 
 /// Where the twin of a frame belongs; `None` for a motor's state under an address that is no axis'.

@@ -4,16 +4,14 @@
 use std::path::{Path, PathBuf};
 
 use mcap::records::Channel;
-use supersigma_protocol::{Body, CardKind, Frame, Report};
+use supersigma_protocol::Frame;
 
 use super::LogError;
 use super::channels::{EVENTS, JOINTS, MICROBUS};
-use super::header::{AxisNames, LogHeader, WallTime};
+use super::header::{LogHeader, WallTime};
 use super::messages::Messages;
 use super::reader::{LoggedFrame, lane};
 use super::rotation::part_path;
-use super::schema::twin_into;
-use super::view::FrameView;
 
 /// A frame of a log, and what stands beside it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -143,22 +141,4 @@ impl Iterator for TwinReader {
 /// Everything but what follows from several frames, or tells of them in words.
 fn wanted(channel: &Channel) -> bool {
     ![EVENTS, JOINTS].contains(&channel.topic.as_str())
-}
-
-/// Writes the twin that belongs to a frame. Returns whether it has one: a motor's state under an address that is no axis'
-/// has none.
-pub fn twin_of(frame: &Frame, bytes: &[u8], names: &AxisNames, into: &mut Vec<u8>) -> bool {
-    into.clear();
-    if let Body::Answer(answer) = &frame.body
-        && matches!(answer.report, Report::Axis(_))
-        && !matches!(answer.card.kind(), CardKind::Axis(_))
-    {
-        return false;
-    }
-    match FrameView::new(bytes, Ok(frame), names) {
-        FrameView::Command(view) => twin_into(&view, into),
-        FrameView::Answer(view) => twin_into(&view, into),
-        FrameView::Undecodable(_) => return false,
-    }
-    true
 }

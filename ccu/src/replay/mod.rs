@@ -292,7 +292,7 @@ impl<'a> Verifier<'a> {
         recorded: Option<&[u8]>,
     ) -> Option<DifferenceKind> {
         let (due, names) = (&mut self.twin, self.setting.names);
-        let has_one = frame.as_ref().is_ok_and(|frame| twin_of(frame, bytes, names, due));
+        let has_one = frame.as_ref().is_ok_and(|frame| twin_of(frame, bytes, names, due).is_some());
         match recorded {
             None if has_one => Some(DifferenceKind::NoTwin),
             None => None,

@@ -17,8 +17,9 @@ use crate::{frames, taken};
 const EVENTS: usize = 40;
 /// How long nothing happens in between, at most: half a second.
 const PAUSE: u64 = Tick::PER_SECOND / 2;
-/// Who waits for an axis to stand waits for so many events of its own.
-const OWN_EVENTS: usize = 4_000;
+/// Who waits for an axis to stand waits for so many events of its own. A search that finds nothing makes 65 535 pulses in a
+/// stage, and with a rotor each is looked at.
+const OWN_EVENTS: usize = 400_000;
 
 /// Puts what `bytes` make into a motor card.
 pub fn axis(bytes: &[u8]) {

@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::rc::Rc;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 use std::time::Duration;
 
 use arbitrary::Unstructured;
@@ -12,12 +12,11 @@ use ccu::executive::{
     Again, Begun, Common, Displacement, Executive, Failure, Heard, Knowledge, Leg, Link, LogTrouble, Operate,
     Request, Sent, Until,
 };
-use supersigma_config::Config;
 use supersigma_protocol::{
     About, Activity, Address, Answer, AxisNumber, Broadcast, Command, Fault, Operation, Sequence, Tick, Ticks,
 };
 
-use crate::{frames, taken};
+use crate::{frames, knowledge, taken};
 
 /// So many requests one after the other.
 const REQUESTS: usize = 8;
@@ -79,12 +78,6 @@ impl Asked {
                 (_, None) => !self.moving.is_empty(),
             }
     }
-}
-
-fn knowledge() -> Arc<Knowledge> {
-    static BUILT_IN: OnceLock<Arc<Knowledge>> = OnceLock::new();
-    let knowledge = || Knowledge::new(Config::default_set()).expect("good ramps");
-    Arc::clone(BUILT_IN.get_or_init(knowledge))
 }
 
 /// A bus on which anything may be said.
@@ -237,7 +230,7 @@ impl Link for Garbled<'_> {
             5..=9 => {}
             _ => {
                 let pause: u16 = taken(self.chance.arbitrary());
-                self.now = Tick(self.now.0.saturating_add(pause.into())).min(until.max(self.now));
+                self.now = (self.now + Ticks(pause.into())).min(until.max(self.now));
                 if let Some(answer) = self.answer() {
                     return Ok(Some(Heard::Answer(answer)));
                 }

@@ -3,7 +3,7 @@
 use arbitrary::Unstructured;
 use supersigma_protocol::{
     Address, Answer, Body, Broadcast, Command, CommandBytes, Direction, Distance, End, Fault, Frame,
-    Operation, Sender, Sequence, SpeedIndex, Steps, Switch, Tick,
+    Operation, Sender, Sequence, SpeedIndex, Steps, Switch, Tick, Ticks,
 };
 
 use crate::taken;
@@ -73,7 +73,7 @@ pub(crate) fn tick(chance: &mut Unstructured<'_>, now: Tick) -> Tick {
     match taken(chance.int_in_range(0_u8..=3)) {
         0 => Tick(taken(chance.arbitrary())),
         1 => Tick(now.0.saturating_sub(taken(chance.arbitrary::<u32>()).into())),
-        _ => Tick(now.0.saturating_add(taken(chance.arbitrary::<u16>()).into())),
+        _ => now + Ticks(taken(chance.arbitrary::<u16>()).into()),
     }
 }
 

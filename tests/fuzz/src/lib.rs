@@ -31,6 +31,18 @@ pub use logs::{changed_log, forged_log, log};
 pub use script::script;
 pub use watching::watching;
 
+use std::sync::{Arc, OnceLock};
+
+use ccu::executive::Knowledge;
+use supersigma_config::Config;
+
+/// The built-in set, as the CCU knows it.
+fn knowledge() -> Arc<Knowledge> {
+    static BUILT_IN: OnceLock<Arc<Knowledge>> = OnceLock::new();
+    let knowledge = || Knowledge::new(Config::default_set()).expect("good ramps");
+    Arc::clone(BUILT_IN.get_or_init(knowledge))
+}
+
 /// What the bodies take from bytes when these have run out: zeros. So they need not handle that everywhere.
 fn taken<T>(value: arbitrary::Result<T>) -> T {
     value.expect("bytes that have run out give zeros")

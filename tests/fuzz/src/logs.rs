@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, OnceLock};
 
 use arbitrary::Unstructured;
 use ccu::dry::{DrySet, NoPulses};
-use ccu::executive::{Executive, Knowledge, Movement};
+use ccu::executive::{Executive, Movement};
 use ccu::log::{
     self as logs, AxisNames, Form, FramesAsked, LogHeader, LogReader, LogState, TwinReader, twin_of,
 };
@@ -19,9 +19,9 @@ use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, WriteOptions};
 use supersigma_config::{Config, DEFAULT_TOML};
 use supersigma_protocol::bus::Lane;
-use supersigma_protocol::{Body, CardKind, Frame, Sequence, Tick};
+use supersigma_protocol::{Body, Frame, Sequence, Tick};
 
-use crate::{frames, taken, watching};
+use crate::{frames, knowledge, taken, watching};
 
 /// So many changes of a good log at most.
 const CHANGES: usize = 24;
@@ -107,9 +107,8 @@ fn good_log() -> &'static Good {
     GOOD.get_or_init(|| {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("good.mcap");
-        let config = Config::default_set();
-        let header = watching::header(&config);
-        let knowledge = Knowledge::new(config).expect("good ramps");
+        let knowledge = knowledge();
+        let header = watching::header(&knowledge.config);
         let set = DrySet::new(Arc::clone(&knowledge), NoPulses, Some((&path, header))).expect("a new file");
         let operator = Arc::new(Mutex::new(Executive::new(set)));
         let program = Program::compile("good.rhai", PROGRAM).expect("a program");
@@ -208,9 +207,9 @@ fn written(forged: &[(Lane, Vec<u8>)], chance: &mut Unstructured<'_>) -> Vec<u8>
         };
         mcap.write_to_known_channel(&header, bytes).expect("memory");
         if let Ok(frame) = &frame
-            && twin_of(frame, bytes, &names, &mut twin)
+            && let Some(topic) = twin_of(frame, bytes, &names, &mut twin)
         {
-            let channel = mcap.add_channel(0, &topic(frame, &names), "json", &BTreeMap::new());
+            let channel = mcap.add_channel(0, &topic.name(&names), "json", &BTreeMap::new());
             let header = MessageHeader { channel_id: channel.expect("few channels"), ..header };
             mcap.write_to_known_channel(&header, &twin).expect("memory");
         }
@@ -220,16 +219,6 @@ fn written(forged: &[(Lane, Vec<u8>)], chance: &mut Unstructured<'_>) -> Vec<u8>
     }
     mcap.finish().expect("memory");
     mcap.into_inner().into_inner()
-}
-
-fn topic(frame: &Frame, names: &AxisNames) -> String {
-    match &frame.body {
-        Body::Answer(answer) => match answer.card.kind() {
-            CardKind::Axis(axis) => format!("/axis/{}/status", names.of(axis)),
-            _ => "/digital/status".to_owned(),
-        },
-        _ => "/command".to_owned(),
-    }
 }
 
 /// Has every reader read the file: none may panic, and what they make of it must be whole.

@@ -1,12 +1,13 @@
 //! The text of a robot program: checked, then run on a dry set.
 
-use std::sync::{Arc, Mutex, OnceLock};
+use std::sync::{Arc, Mutex};
 
 use ccu::dry::{DrySet, NoPulses};
-use ccu::executive::{Executive, Knowledge, Movement};
+use ccu::executive::{Executive, Movement};
 use ccu::script::{Limits, ScriptError, Watcher, check, is_open};
 use miette::NarratableReportHandler;
-use supersigma_config::Config;
+
+use crate::knowledge;
 
 /// So many operations of the language.
 const OPERATIONS: u64 = 3_000;
@@ -29,12 +30,6 @@ pub fn script(text: &str) {
     if let Err(error) = program.run(operator, knowledge, Accounts, &limits) {
         lies_in(text, &error);
     }
-}
-
-fn knowledge() -> Arc<Knowledge> {
-    static BUILT_IN: OnceLock<Arc<Knowledge>> = OnceLock::new();
-    let knowledge = || Knowledge::new(Config::default_set()).expect("good ramps");
-    Arc::clone(BUILT_IN.get_or_init(knowledge))
 }
 
 /// The place of an error is one of the text, or right behind it; it can be drawn.

@@ -9,7 +9,7 @@ use ccu::plot::{Shown, Subject, Timing, Trace, What, Window, moves};
 use ccu::watch::{Detail, Picture};
 use supersigma_config::{Config, DEFAULT_TOML};
 use supersigma_protocol::bus::Lane;
-use supersigma_protocol::{AxisNumber, Frame, Tick};
+use supersigma_protocol::{AxisNumber, Frame, Tick, Ticks};
 
 use crate::{frames, taken};
 
@@ -79,7 +79,7 @@ pub(crate) fn draws(mut trace: Trace, mut timing: Timing, config: &Config, names
     let Some(span) = trace.span else { return };
     timing.close(span.to);
     let _ = (timing.idle(), timing.totals(), timing.summaries(names));
-    let window = trace.moving().unwrap_or(Window { from: span.from, to: Tick(span.to.0.saturating_add(1)) });
+    let window = trace.moving().unwrap_or(Window { from: span.from, to: span.to + Ticks(1) });
     let axes: Vec<AxisNumber> = AxisNumber::all().collect();
     let what = [What::Speed, What::Position, What::Sense, What::Plane, What::Timing];
     let subject = Subject { title: "garbage", subtitle: "by chance", names, config };
