@@ -16,6 +16,14 @@ test:
 long:
     cargo test -p supersigma-ccu --test rounds -- --ignored
 
+# Fuzz one way in for a while (names: `cargo fuzz list`); needs cargo-fuzz and a nightly toolchain
+fuzz target seconds="60":
+    cargo +nightly fuzz run {{target}} -- -max_total_time={{seconds}} -rss_limit_mb=2048 -malloc_limit_mb=512 -timeout=60 -max_len=4096 -print_final_stats=1
+
+# Fuzz every way in, one after the other, a minute each
+fuzz-all:
+    for target in $(cargo fuzz list); do just fuzz $target || exit 1; done
+
 # Half an hour of random programs on one set, watched; writes the book's page about it
 soak:
     cargo run --release -p supersigma-tests --bin soak -- --minutes 30 --time-scale 20 --seed 1 --report docs/src/architecture/soak.md

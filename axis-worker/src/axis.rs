@@ -101,7 +101,7 @@ impl Axis {
     /// Lets time pass up to and including `to`.
     pub fn advance<S: Sink>(&mut self, to: Tick, sink: &mut S) {
         loop {
-            if !S::PULSES && !self.mechanism().has_rotor() {
+            if !S::PULSES && self.board.now() < to && !self.mechanism().has_rotor() {
                 self.firmware.leap(to, &mut self.board);
             }
             let wake = self.firmware.wake_at().filter(|wake| *wake <= to);

@@ -190,7 +190,15 @@ impl Firmware {
     /// Makes at once what it will write to the chip before anything else happens, up to and including `to`. Not with a
     /// rotor: what that makes of a pulse is seen only afterwards.
     pub(crate) fn leap(&mut self, to: Tick, board: &mut Board) {
-        let news = self.next_news(board).unwrap_or(to).min(to + Ticks(1));
+        let after = to + Ticks(1);
+        let writes = match &self.state {
+            State::Moving(movement) | State::Searching(_, movement) => movement.writes_before(after),
+            _ => false,
+        };
+        if !writes {
+            return;
+        }
+        let news = self.next_news(board).unwrap_or(to).min(after);
         if let State::Moving(movement) | State::Searching(_, movement) = &mut self.state {
             movement.leap(news, board);
         }

@@ -109,8 +109,10 @@ impl Movement {
     /// How fast it goes; `None` once the last pulse has come.
     pub(super) fn pace(&self, board: &mut Board) -> Option<Pace> {
         let next = self.steps(board).0 + 1;
-        (next <= self.schedule.total().0)
-            .then(|| Pace { period: Ticks(self.period(next)), direction: self.schedule.direction_of(next) })
+        (next <= self.schedule.total().0).then(|| Pace {
+            period: Ticks(self.schedule.period(next)),
+            direction: self.schedule.direction_of(next),
+        })
     }
 
     /// What the axis does now.
@@ -136,7 +138,7 @@ impl Movement {
         let soonest = [self.write.map(|write| write.at), self.phase_changes, turn]
             .into_iter()
             .flatten()
-            .fold(self.end(), u64::min);
+            .fold(self.schedule.end(), u64::min);
         self.start + Ticks(soonest)
     }
 
@@ -164,12 +166,19 @@ impl Movement {
     /// changes, the movement ends.
     pub(super) fn next_news(&self, board: &Board) -> Tick {
         let turn = self.turn.map(|last| self.schedule.tick_of(last));
-        let change = board.steps_to_change().and_then(|steps| {
+        let all = self.schedule.total().0;
+        let change = board.steps_to_change().filter(|steps| *steps <= all).and_then(|steps| {
             let pulse = self.schedule.pulses_by(self.elapsed(board)).checked_add(steps)?;
-            (pulse <= self.schedule.total().0).then(|| self.schedule.tick_of(pulse))
+            (pulse <= all).then(|| self.schedule.tick_of(pulse))
         });
-        let soonest = [self.phase_changes, turn, change].into_iter().flatten().fold(self.end(), u64::min);
+        let soonest =
+            [self.phase_changes, turn, change].into_iter().flatten().fold(self.schedule.end(), u64::min);
         self.start + Ticks(soonest)
+    }
+
+    /// Whether it has something to write before `before`.
+    pub(super) fn writes_before(&self, before: Tick) -> bool {
+        self.write.is_some_and(|write| self.start + Ticks(write.at) < before)
     }
 
     /// Makes all writes before `before` at once, as if each had been made in its time. Nothing else may happen before
@@ -185,7 +194,7 @@ impl Movement {
         let Some(landing) = landing.filter(|landing| landing.at > at) else { return };
         let made = self.schedule.pulses_by(landing.at);
         let since = landing.at - self.schedule.tick_of(made);
-        let left = self.period(made + 1) + 1 - since;
+        let left = self.schedule.period(made + 1) + 1 - since;
         let steps = made - self.steps(board).0;
         let left = u32::try_from(left).ok().and_then(NonZeroU32::new).filter(|_| since > 0);
         if let (Some(left), Some(count)) = (left, count(landing.period)) {
@@ -215,7 +224,11 @@ impl Movement {
         let begun = self.schedule.pulses_by(limit.checked_sub(REACTION.0 + 1)?);
         let last = (begun + 2).min(self.schedule.total().0);
         let at = self.schedule.tick_of(last.checked_sub(2)?) + REACTION.0;
-        (last > pulse).then(|| Landing { at, period: self.period(last), then: self.write_after(last, at) })
+        (last > pulse).then(|| Landing {
+            at,
+            period: self.schedule.period(last),
+            then: self.write_after(last, at),
+        })
     }
 
     /// Ends the movement as soon as `stop` allows.
@@ -260,12 +273,8 @@ impl Movement {
         board.now().since(self.start).0
     }
 
-    fn end(&self) -> u64 {
-        self.schedule.tick_of(self.schedule.total().0)
-    }
-
     fn is_over(&self, board: &Board) -> bool {
-        self.elapsed(board) >= self.end()
+        self.elapsed(board) >= self.schedule.end()
     }
 
     fn look_at_phase(&mut self, now: u64) {
@@ -280,7 +289,7 @@ impl Movement {
                 self.write_run_after(index, now)
             }
             What::LoadPulse(pulse) => {
-                board.load_rate(count(self.period(pulse))?, sink);
+                board.load_rate(count(self.schedule.period(pulse))?, sink);
                 self.write_after(pulse, now)
             }
             What::Hold(pulse) => {
@@ -310,7 +319,7 @@ impl Movement {
         if next > self.schedule.total().0 {
             return None;
         }
-        Some(if count(self.period(next)).is_none() {
+        Some(if count(self.schedule.period(next)).is_none() {
             Write { at: self.schedule.tick_of(pulse), what: What::Hold(next) }
         } else {
             let begun = self.schedule.tick_of(pulse - 1);
@@ -328,10 +337,6 @@ impl Movement {
     fn fire(&self, pulse: u32) -> Write {
         let at = self.schedule.tick_of(pulse) - u64::from(FIRE_AHEAD);
         Write { at, what: What::Fire(pulse) }
-    }
-
-    fn period(&self, pulse: u32) -> u64 {
-        self.schedule.tick_of(pulse) - self.schedule.tick_of(pulse - 1)
     }
 }
 

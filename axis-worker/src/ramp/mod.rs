@@ -35,6 +35,8 @@ mod piece;
 mod plan;
 #[deny(clippy::float_arithmetic)]
 mod schedule;
+#[deny(clippy::float_arithmetic)]
+mod signposts;
 mod table;
 #[cfg(test)]
 mod tests;

@@ -24,6 +24,12 @@ pub(super) struct Piece {
     pub(super) start: u64,
     /// Pulses of this piece. None if a later count overtakes this one.
     pub(super) pulses: u32,
+    /// Where its last period ends.
+    pub(super) end: u64,
+    /// Where the walk is when the piece begins, in ticks from the start of the walk.
+    walked: u64,
+    /// The rung of its first pulse.
+    rung: usize,
 }
 
 /// Where the periods of a piece come from.
@@ -57,15 +63,23 @@ impl Piece {
         phase: Phase,
         written: Option<u64>,
     ) -> Self {
-        let (before, runs_before, start) = last.map_or((0, 0, 0), |last| {
-            (last.before + last.pulses, last.runs_before + last.runs(), last.end())
-        });
-        Self { shape, phase, written, before, runs_before, start, pulses }
+        let (before, runs_before, start) = last
+            .map_or((0, 0, 0), |last| (last.before + last.pulses, last.runs_before + last.runs(), last.end));
+        let (walked, rung) = match &shape {
+            Shape::Level(_) => (0, 0),
+            Shape::Up(walk, from) => (walk.tick_of(*from), walk.rung_of(from + 1)),
+            Shape::Down(walk, from) => (walk.tick_of(*from), walk.rung_of(*from)),
+        };
+        let mut piece =
+            Self { shape, phase, written, before, runs_before, start, pulses, end: start, walked, rung };
+        piece.end = piece.tick_of(pulses);
+        piece
     }
 
-    /// Where its last period ends.
-    pub(super) fn end(&self) -> u64 {
-        self.tick_of(self.pulses)
+    /// Leaves out its pulses after `pulses`.
+    pub(super) fn cut(&mut self, pulses: u32) {
+        self.pulses = self.pulses.min(pulses);
+        self.end = self.tick_of(self.pulses);
     }
 
     /// How many runs it has. Periods of one length are a run even if there is none.
@@ -78,8 +92,8 @@ impl Piece {
         let pulse = pulse.max(1);
         match &self.shape {
             Shape::Level(_) => 0,
-            Shape::Up(walk, from) => walk.rung_of(from + pulse) - walk.rung_of(from + 1),
-            Shape::Down(walk, from) => walk.rung_of(*from) - walk.rung_of(from - pulse + 1),
+            Shape::Up(walk, from) => walk.rung_of(from + pulse) - self.rung,
+            Shape::Down(walk, from) => self.rung - walk.rung_of(from - pulse + 1),
         }
     }
 
@@ -88,22 +102,29 @@ impl Piece {
         let (first, last, period) = match &self.shape {
             Shape::Level(period) => (1, self.pulses, *period),
             Shape::Up(walk, from) => {
-                let rung = walk.rung_of(from + 1) + index;
+                let rung = self.rung + index;
                 let Rung { before, period, .. } = walk.rung(rung);
                 (before.max(*from) + 1 - from, (walk.end(rung) - from).min(self.pulses), period)
             }
             Shape::Down(walk, from) => {
-                let rung = walk.rung_of(*from) - index;
+                let rung = self.rung - index;
                 let Rung { before, period, .. } = walk.rung(rung);
                 (from - walk.end(rung).min(*from) + 1, (from - before).min(self.pulses), period)
             }
         };
-        let start = self.tick_of(first - 1);
-        // Early in the period before it.
-        let written = if index == 0 {
-            self.written
-        } else {
-            Some(start - u64::from(self.period_of(first - 1)) + REACTION.0)
+        let (start, written) = match &self.shape {
+            _ if index == 0 => (self.start, self.written),
+            Shape::Level(_) => (self.start, None),
+            // Its count is written early in the last period of the run before it.
+            Shape::Up(walk, _) => {
+                let start = self.start + walk.rung(self.rung + index).start - self.walked;
+                (start, Some(start - u64::from(walk.rung(self.rung + index - 1).period) + REACTION.0))
+            }
+            Shape::Down(walk, _) => {
+                let Rung { start: walked, period, .. } = walk.rung(self.rung - index + 1);
+                let start = self.start + self.walked - walked;
+                (start, Some(start - u64::from(period) + REACTION.0))
+            }
         };
         Run {
             before: self.before + first - 1,
@@ -120,8 +141,8 @@ impl Piece {
         self.start
             + match &self.shape {
                 Shape::Level(period) => u64::from(pulse) * u64::from(*period),
-                Shape::Up(walk, from) => walk.tick_of(from + pulse) - walk.tick_of(*from),
-                Shape::Down(walk, from) => walk.tick_of(*from) - walk.tick_of(from - pulse),
+                Shape::Up(walk, from) => walk.tick_of(from + pulse) - self.walked,
+                Shape::Down(walk, from) => self.walked - walk.tick_of(from - pulse),
             }
     }
 
@@ -139,8 +160,8 @@ impl Piece {
         let spent = tick - self.start;
         let come = match &self.shape {
             Shape::Level(period) => u32::try_from(spent / u64::from(*period)).unwrap_or(u32::MAX),
-            Shape::Up(walk, from) => walk.pulse_at_most(walk.tick_of(*from) + spent) - from,
-            Shape::Down(walk, from) => from - walk.pulse_at_least(walk.tick_of(*from).saturating_sub(spent)),
+            Shape::Up(walk, from) => walk.pulse_at_most(self.walked + spent) - from,
+            Shape::Down(walk, from) => from - walk.pulse_at_least(self.walked.saturating_sub(spent)),
         };
         come.min(self.pulses)
     }

@@ -166,7 +166,7 @@ impl Plan {
     /// From the start to the last pulse, in ticks.
     #[must_use]
     pub fn duration(&self) -> u64 {
-        self.pieces.last().map_or(0, Piece::end)
+        self.pieces.last().map_or(0, |last| last.end)
     }
 
     /// The runs, in order.
@@ -277,7 +277,7 @@ impl Plan {
     pub fn cut(&mut self, pulses: u32) {
         self.pieces.truncate(self.index_of(pulses) + 1);
         if let Some(last) = self.pieces.last_mut() {
-            last.pulses = last.pulses.min(pulses - last.before);
+            last.cut(pulses - last.before);
         }
     }
 
@@ -311,7 +311,7 @@ impl Plan {
         let last = self.pieces.last();
         let written = last.map_or(Some(0), |last| {
             let period = last.period_of(last.pulses);
-            (period != shape.first_period()).then(|| last.end() - u64::from(period) + REACTION.0)
+            (period != shape.first_period()).then(|| last.end - u64::from(period) + REACTION.0)
         });
         self.pieces.push(Piece::after(last, shape, pulses, phase, written));
     }

@@ -35,6 +35,10 @@ pub struct Schedule {
     legs: Vec<Leg>,
     /// Whether each pulse of the plan is one of this axis.
     is_plan: bool,
+    /// All pulses of this axis.
+    total: u32,
+    /// The tick of the last one.
+    end: u64,
 }
 
 /// F and S of the picture for one leg, and what lies before it. Legs in which the axis stands are left out.
@@ -53,7 +57,7 @@ impl Schedule {
     pub fn alone(plan: Plan, direction: Direction) -> Self {
         let all = u64::from(plan.total().0);
         let leg = Leg { direction, own: all, lead: all, own_before: 0, lead_before: 0 };
-        Self { plan, legs: vec![leg], is_plan: true }
+        Self::new(plan, vec![leg], true)
     }
 
     /// These shares of `plan`, one after the other.
@@ -71,7 +75,24 @@ impl Schedule {
             lead_before += lead;
         }
         // No share is more than its leg, so they are alike if their sums are.
-        Self { plan, legs, is_plan: own_before == lead_before }
+        Self::new(plan, legs, own_before == lead_before)
+    }
+
+    fn new(plan: Plan, legs: Vec<Leg>, is_plan: bool) -> Self {
+        let mut schedule = Self { plan, legs, is_plan, total: 0, end: 0 };
+        schedule.sum_up();
+        schedule
+    }
+
+    /// To be done whenever the plan has changed.
+    #[expect(clippy::cast_possible_truncation, reason = "own ≤ lead, so it is at most the plan's total")]
+    fn sum_up(&mut self) {
+        let made = u64::from(self.plan.total().0);
+        let last = self.legs.iter().rfind(|leg| leg.lead_before < made);
+        self.total = last.map_or(0, |leg| {
+            (leg.own_before + (made - leg.lead_before).min(leg.lead) * leg.own / leg.lead) as u32
+        });
+        self.end = self.tick_of(self.total);
     }
 
     /// The plan, if it is followed pulse by pulse and not as a share.
@@ -82,13 +103,14 @@ impl Schedule {
 
     /// All pulses of this axis.
     #[must_use]
-    #[expect(clippy::cast_possible_truncation, reason = "own ≤ lead, so it is at most the plan's total")]
     pub fn total(&self) -> Steps {
-        let made = u64::from(self.plan.total().0);
-        let Some(leg) = self.legs.iter().rfind(|leg| leg.lead_before < made) else {
-            return Steps(0);
-        };
-        Steps((leg.own_before + (made - leg.lead_before).min(leg.lead) * leg.own / leg.lead) as u32)
+        Steps(self.total)
+    }
+
+    /// The tick of the axis' last pulse.
+    #[must_use]
+    pub fn end(&self) -> u64 {
+        self.end
     }
 
     /// From the start to the end, in ticks: that of the leading axis.
@@ -101,6 +123,9 @@ impl Schedule {
     #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "the quotient is at most the plan's total")]
     pub fn tick_of(&self, pulse: u32) -> u64 {
+        if self.is_plan {
+            return self.plan.tick_of(pulse);
+        }
         let Some(leg) = self.leg_of(pulse) else {
             return 0;
         };
@@ -113,13 +138,22 @@ impl Schedule {
         before + u64::from(self.plan.period(whole + 1)) * part / leg.own
     }
 
+    /// The period that ends with pulse `pulse`, from 1, in ticks.
+    #[must_use]
+    pub fn period(&self, pulse: u32) -> u64 {
+        if self.is_plan {
+            return self.plan.period(pulse).into();
+        }
+        self.tick_of(pulse) - self.tick_of(pulse - 1)
+    }
+
     /// How many pulses come at or before `tick`.
     #[must_use]
     pub fn pulses_by(&self, tick: u64) -> u32 {
         if self.is_plan {
             return self.plan.pulses_by(tick);
         }
-        let (mut come, mut later) = (0, self.total().0 + 1);
+        let (mut come, mut later) = (0, self.total + 1);
         while come + 1 < later {
             let middle = u32::midpoint(come, later);
             if self.tick_of(middle) <= tick { come = middle } else { later = middle }
@@ -148,7 +182,7 @@ impl Schedule {
     pub fn turns_after(&self, pulse: u32) -> Option<u32> {
         let pairs = self.legs.windows(2).filter(|pair| pair[0].direction != pair[1].direction);
         let mut turns = pairs.map(|pair| pair[1].own_before as u32);
-        turns.find(|last| *last > pulse && *last < self.total().0)
+        turns.find(|last| *last > pulse && *last < self.total)
     }
 
     /// Where the axis is after `steps` pulses from `start`.
@@ -170,11 +204,13 @@ impl Schedule {
     /// Ends the movement, or the line's movement, as soon as `stop` allows from `tick` on.
     pub fn stop(&mut self, table: &Table, tick: u64, stop: Stop) {
         self.plan.stop(table, tick, stop);
+        self.sum_up();
     }
 
     /// Leaves out the pulses after `pulses`. Only for plans at start speed that are followed pulse by pulse.
     pub fn cut(&mut self, pulses: u32) {
         self.plan.cut(pulses);
+        self.sum_up();
     }
 
     fn leg_of(&self, pulse: u32) -> Option<&Leg> {

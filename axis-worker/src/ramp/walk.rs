@@ -2,15 +2,22 @@
 //! written in time. Made once per axis, with sums, so that a question about a pulse or a tick is one search among at most 233
 //! rungs. It knows no movement.
 
+use std::ops::Range;
+
 use supersigma_protocol::Steps;
 
 use super::REACTION;
+use super::signposts::Signposts;
 
 /// The pulses of an acceleration from standstill up to the top of the table: so many periods of entry 0, so many of
 /// entry 1, … Periods shrink from rung to rung; an entry that is overtaken has none, and entries that are alike share one.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Walk {
     rungs: Vec<Rung>,
+    /// By the pulses before a rung.
+    by_pulse: Signposts,
+    /// By the tick at which it begins.
+    by_tick: Signposts,
     /// Pulses up to the top of the table.
     pulses: u32,
 }
@@ -23,7 +30,7 @@ pub(super) struct Rung {
     /// Pulses before its first one.
     pub(super) before: u32,
     /// Where its first period begins, in ticks from the start of the walk.
-    start: u64,
+    pub(super) start: u64,
 }
 
 impl Walk {
@@ -42,7 +49,9 @@ impl Walk {
             before += own;
             start += u64::from(own) * u64::from(period);
         }
-        Self { rungs, pulses: at_the_top }
+        let signposts = |key: fn(&Rung) -> u64| Signposts::new(&rungs.iter().map(key).collect::<Vec<_>>());
+        let (by_pulse, by_tick) = (signposts(|rung| rung.before.into()), signposts(|rung| rung.start));
+        Self { rungs, by_pulse, by_tick, pulses: at_the_top }
     }
 
     /// Pulses up to the top of the table.
@@ -53,7 +62,9 @@ impl Walk {
 
     /// The index of the rung of pulse `pulse`, from 1; the last one for all beyond the walk.
     pub(super) fn rung_of(&self, pulse: u32) -> usize {
-        self.rungs.partition_point(|rung| rung.before < pulse).saturating_sub(1)
+        let Range { start, end } = self.by_pulse.around(pulse.into());
+        let begun = start + self.rungs[start..end].partition_point(|rung| rung.before < pulse);
+        begun.saturating_sub(1)
     }
 
     /// The rung with this index.
@@ -102,7 +113,9 @@ impl Walk {
     }
 
     fn rung_at(&self, tick: u64) -> Rung {
-        self.rungs[self.rungs.partition_point(|rung| rung.start <= tick).saturating_sub(1)]
+        let Range { start, end } = self.by_tick.around(tick);
+        let begun = start + self.rungs[start..end].partition_point(|rung| rung.start <= tick);
+        self.rungs[begun.saturating_sub(1)]
     }
 }
 
