@@ -100,7 +100,7 @@ pub fn run(args: &WorkerArgs) -> Result<(), WorkerError> {
     }
     let lifeline = watch_lifeline(receive.waker())?;
     let heartbeat = Duration::from_millis(config.supervision.heartbeat_ms.into());
-    let heartbeat = clock.scale().ticks(heartbeat);
+    let heartbeat = clock.scale().ticks(heartbeat).max(Ticks(1));
     let mut worker = Worker {
         card,
         clock,
@@ -182,7 +182,7 @@ impl<T: Transmit, R: Receive> Worker<T, R> {
     fn work(&mut self, lifeline: &AtomicU8) -> Result<(), WorkerError> {
         self.card.advance(self.clock.now(), &mut self.said);
         self.speak(Occasion::Joined)?;
-        let mut heartbeat = self.clock.now() + self.heartbeat;
+        let mut heartbeat = self.next_heartbeat();
         let mut braked = false;
         loop {
             // Read before the bus: a command that came before the end is then still carried out.
@@ -198,7 +198,7 @@ impl<T: Transmit, R: Receive> Worker<T, R> {
             }
             if self.card.now() >= heartbeat {
                 self.speak(Occasion::Heartbeat)?;
-                heartbeat = self.card.now() + self.heartbeat;
+                heartbeat = self.next_heartbeat();
             }
             let next = self.card.next_event().map_or(heartbeat, |event| event.min(heartbeat));
             if !more {
@@ -206,6 +206,11 @@ impl<T: Transmit, R: Receive> Worker<T, R> {
             }
         }
         self.leave(lifeline)
+    }
+
+    /// All cards' fall together: processes of one program that wake up one after the other find its code in the caches.
+    fn next_heartbeat(&self) -> Tick {
+        Tick((self.card.now().0 / self.heartbeat.0 + 1).saturating_mul(self.heartbeat.0))
     }
 
     fn leave(&mut self, lifeline: &AtomicU8) -> Result<(), WorkerError> {

@@ -62,11 +62,9 @@ pub struct SharedReceive {
 }
 
 impl SharedReceive {
-    /// Takes back what has been raised; whether anything had been.
-    fn lower(&self) -> Result<bool, BusError> {
-        let raised =
-            self.listener.try_wait(|_| ()).map_err(|error| BusError::broken("read a line", error))?;
-        Ok(raised > 0)
+    /// Takes back what has been raised.
+    fn lower(&self) -> Result<(), BusError> {
+        self.listener.try_wait(|_| ()).map(drop).map_err(|error| BusError::broken("read a line", error))
     }
 }
 
@@ -76,9 +74,6 @@ impl Receive for SharedReceive {
     }
 
     fn wait(&mut self, limit: Duration) -> Result<(), BusError> {
-        if self.lower()? {
-            return Ok(());
-        }
         // The listener's own timed wait counts in the kernel's ticks, 4 ms and more; `select` counts in microseconds.
         // Its descriptor is among the process's first, well below the 1024 that `select` can take.
         let set = FileDescriptorSet::new();
@@ -86,7 +81,8 @@ impl Receive for SharedReceive {
             .add(&self.listener)
             .map_err(|error| BusError::broken("watch a line", format!("{error:?}")))?;
         match set.timed_wait(limit.min(LONGEST_SLEEP), FileEvent::Read, |_| ()) {
-            Ok(_) | Err(FileDescriptorSetWaitError::Interrupt) => self.lower().map(|_| ()),
+            Ok(0) => Ok(()),
+            Ok(_) | Err(FileDescriptorSetWaitError::Interrupt) => self.lower(),
             Err(error) => Err(BusError::broken("wait for a line", format!("{error:?}"))),
         }
     }

@@ -1,31 +1,33 @@
-//! The CCU's end of the bus: one thread that hears everything, and what it knows of the cards. Whoever waits for something
-//! subscribes; whoever commands goes through the one sending half. No process is started in here.
+//! The CCU's end of the bus: all that is heard, and what is known of the cards from it. Whoever waits for something
+//! subscribes; whoever commands goes through the one sending half. Who listens, the [`ear`] decides. No process is started
+//! in here.
+
+mod ear;
+mod link;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender as Subscriber};
+use std::sync::mpsc::{self, Receiver, Sender as Subscriber};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use axis_worker::clock::Clock;
-use supersigma_protocol::bus::{BusError, Lane, Receive, Received, Strangers, Transmit, Wake, Waker};
+use supersigma_protocol::bus::{BusError, Lane, Receive, Transmit, Wake, Waker};
 use supersigma_protocol::{
-    About, Activity, Address, Answer, AxisNumber, Body, Broadcast, CardKind, Command, Fault, Frame, Occasion,
-    Operation, Report, Sender, Sequence, Tick, Ticks,
+    About, Activity, Address, Answer, Body, Broadcast, Command, Frame, Occasion, Operation, Report, Sender,
+    Sequence, Tick, Ticks,
 };
 use tokio::sync::broadcast;
 
+use self::ear::{Ear, Talks};
+pub use self::link::LiveLink;
 use super::feed::{Feed, Overheard};
 use super::members::Members;
-use crate::executive::{Common, Failure, Heard, Knowledge, Link, LogTrouble};
+use crate::executive::{Common, Heard, Knowledge, LogTrouble};
 
 /// How often the thread looks for what nobody woke it for, while somebody wants to see it: the way of axes that move.
 const LOOK: Duration = Duration::from_millis(50);
-/// So many frames are taken at once, before silence is looked for.
-const AT_ONCE: usize = 1_024;
-/// So many times more may have to be taken at the end; a stranger may not hold it up.
-const LAST_LOOKS: usize = 64;
 
 /// What is known of one card's process.
 #[derive(Debug, Clone)]
@@ -58,6 +60,9 @@ pub(super) struct Exchange {
     clock: Clock,
     members: Members,
     port: Mutex<Port>,
+    /// Goes when the exchange stops, as the sending half does.
+    ear: Mutex<Option<Ear>>,
+    talks: Talks,
     state: Mutex<State>,
     feed: Feed,
     over: AtomicBool,
@@ -104,13 +109,15 @@ impl Exchange {
                 ends: Some((Box::new(transmit), receive.waker())),
                 sequence: Sequence(0),
             }),
+            ear: Mutex::new(Some(Ear::new(receive))),
+            talks: Talks::default(),
             state: Mutex::default(),
             feed: Feed::default(),
             over: AtomicBool::new(false),
         });
         let listening = Arc::clone(&exchange);
         let thread =
-            thread::Builder::new().name("exchange".into()).spawn(move || listening.listen(receive)).map_err(
+            thread::Builder::new().name("exchange".into()).spawn(move || listening.listen()).map_err(
                 |error| BusError::Open { what: "start the exchange's thread", reason: error.to_string() },
             )?;
         Ok((exchange, thread))
@@ -119,14 +126,13 @@ impl Exchange {
     /// Ends the thread, after it has taken what is on the bus, and leaves the bus.
     pub(super) fn stop(&self) {
         self.over.store(true, Ordering::Release);
-        if let Some((_, waker)) = self.port().ends.take() {
-            waker.wake();
-        }
+        self.wake();
+        self.port().ends = None;
     }
 
     /// A link for one executive. It hears everything from now on, until `cancelled` is set.
     pub(super) fn link(self: &Arc<Self>, cancelled: Arc<AtomicBool>) -> LiveLink {
-        LiveLink { heard: self.subscribe(), exchange: Arc::clone(self), cancelled }
+        LiveLink::new(self, cancelled)
     }
 
     /// Everything that is heard from now on.
@@ -217,6 +223,7 @@ impl Exchange {
             }
             state.tell(&Heard::WorkerGone(card));
         }
+        self.wake();
         self.brake_all();
     }
 
@@ -228,6 +235,7 @@ impl Exchange {
             state.no_log = Some(Arc::clone(&trouble));
             state.tell(&Heard::NoLog(trouble));
         }
+        self.wake();
         self.brake_all();
     }
 
@@ -238,72 +246,18 @@ impl Exchange {
 
     /// Nobody shall begin anything any more.
     pub(super) fn going_down(&self) {
-        let mut state = self.state();
-        state.going_down = true;
-        state.tell(&Heard::GoingDown);
-    }
-
-    fn listen(&self, mut receive: impl Receive) {
-        let (mut strangers, mut more) = (Strangers::default(), false);
-        while !self.over.load(Ordering::Acquire) {
-            let waited = if more { Ok(()) } else { receive.wait(self.patience()) };
-            match waited.and_then(|()| self.drain(&mut receive, &mut strangers)) {
-                Ok(there_is_more) => more = there_is_more,
-                Err(error) => {
-                    tracing::error!(%error, "the CCU does not hear any more");
-                    self.going_down();
-                    return;
-                }
-            }
-            self.look_for_silence();
-        }
-        for _ in 0..LAST_LOOKS {
-            match self.drain(&mut receive, &mut strangers) {
-                Ok(true) => {}
-                Ok(false) => break,
-                Err(error) => {
-                    tracing::error!(%error, "the last frames could not be heard");
-                    break;
-                }
-            }
-        }
-        self.feed.end();
-    }
-
-    /// Takes what is on the bus; says whether there may be more.
-    fn drain(&self, receive: &mut impl Receive, strangers: &mut Strangers) -> Result<bool, BusError> {
-        let mut taken = 0;
-        while taken < AT_ONCE
-            && let Some(received) = receive.receive()?
         {
-            taken += 1;
-            self.hear(&received, strangers);
+            let mut state = self.state();
+            state.going_down = true;
+            state.tell(&Heard::GoingDown);
         }
-        for stranger in strangers.news(Instant::now()) {
-            tracing::error!(
-                frames = stranger.frames,
-                "{stranger} is no part of the set and speaks on its bus; nobody listens to it"
-            );
-        }
-        Ok(taken == AT_ONCE)
+        self.wake();
     }
 
-    fn hear(&self, Received { origin, bytes }: &Received, strangers: &mut Strangers) {
-        let Some(plays) = self.members.card_of(*origin) else {
-            strangers.note(*origin);
-            return;
-        };
-        self.feed.tell(Lane::Answers, bytes);
-        match Frame::decode(bytes) {
-            Ok(Frame { sender: Sender::Card(card), sequence, tick, body: Body::Answer(answer) })
-                if card == plays =>
-            {
-                // No clock is ahead of this one: they are one.
-                let spoke = tick.min(self.clock.now());
-                self.take(card, sequence, spoke, answer);
-            }
-            Ok(frame) => tracing::warn!(sender = %frame.sender, %plays, "a card says what is not its own"),
-            Err(error) => tracing::warn!(%error, %plays, "what the bus brought is not a frame"),
+    /// Whoever listens to the bus looks up: somebody has been told what did not come from there.
+    fn wake(&self) {
+        if let Some((_, waker)) = &self.port().ends {
+            waker.wake();
         }
     }
 
@@ -336,6 +290,10 @@ impl Exchange {
             tracing::error!(%sender, lost, "frames were lost on the bus");
             self.brake_all();
         }
+    }
+
+    fn over(&self) -> bool {
+        self.over.load(Ordering::Acquire)
     }
 
     /// How long the thread may sleep. What matters wakes it; heartbeats wait on the bus until a card could have been silent
@@ -393,99 +351,5 @@ impl Exchange {
 impl State {
     fn tell(&mut self, heard: &Heard) {
         self.subscribers.retain(|subscriber| subscriber.send(heard.clone()).is_ok());
-    }
-}
-
-/// One executive's link to the live set.
-pub struct LiveLink {
-    exchange: Arc<Exchange>,
-    heard: Receiver<Heard>,
-    cancelled: Arc<AtomicBool>,
-}
-
-impl LiveLink {
-    /// Moves need a log and living cards; stopping and asking do not.
-    fn check(&self, broadcast: &Broadcast) -> Result<(), Failure> {
-        let Ok(command) = Command::decode(broadcast.bytes.as_slice()) else {
-            return Ok(());
-        };
-        let state = self.exchange.state();
-        let moves = command.operation.sets_going();
-        if moves && state.going_down {
-            return Err(Failure::GoingDown);
-        }
-        if moves && let Some(trouble) = &state.no_log {
-            return Err(Failure::NoLog((**trouble).clone()));
-        }
-        let process = match command.to.kind() {
-            CardKind::DigitalOutput => Address::DIGITAL_INPUT,
-            _ => command.to,
-        };
-        match state.cards.get(&process) {
-            Some(life) if !life.alive => Err(Failure::WorkerGone { card: command.to }),
-            _ => Ok(()),
-        }
-    }
-}
-
-impl Link for LiveLink {
-    fn knowledge(&self) -> &Arc<Knowledge> {
-        &self.exchange.knowledge
-    }
-
-    fn now(&self) -> Tick {
-        self.exchange.clock.now()
-    }
-
-    fn ticks(&self, real: Duration) -> Ticks {
-        self.exchange.clock.scale().ticks(real)
-    }
-
-    fn common(&self) -> Arc<Common> {
-        Arc::clone(&self.exchange.common)
-    }
-
-    fn activity(&self, axis: AxisNumber) -> Option<Activity> {
-        match self.exchange.state().cards.get(&axis.address())? {
-            CardLife { alive: true, report: Report::Axis(report), .. } => Some(report.activity),
-            _ => None,
-        }
-    }
-
-    fn tell_resume(&self) {
-        self.exchange.state().tell(&Heard::Resume);
-    }
-
-    fn send(&mut self, broadcast: Broadcast) -> Result<Sequence, Failure> {
-        self.check(&broadcast)?;
-        self.exchange.send(broadcast).map_err(|error| Failure::BusGone { reason: error.to_string() })
-    }
-
-    fn inject(&mut self, axis: AxisNumber, fault: Fault) -> Result<Sequence, Failure> {
-        let card = axis.address();
-        if self.exchange.state().cards.get(&card).is_some_and(|life| !life.alive) {
-            return Err(Failure::WorkerGone { card });
-        }
-        let sent = self.exchange.put(Body::Fault(axis, fault), Wake::Card(card));
-        sent.map_err(|error| Failure::BusGone { reason: error.to_string() })
-    }
-
-    fn hear(&mut self, until: Tick) -> Result<Option<Heard>, Failure> {
-        loop {
-            if self.cancelled.swap(false, Ordering::AcqRel) {
-                return Err(Failure::Cancelled);
-            }
-            let left = self.exchange.clock.until(until);
-            match self.heard.recv_timeout(left.min(LOOK)) {
-                Ok(heard) => return Ok(Some(heard)),
-                Err(RecvTimeoutError::Timeout) if left <= LOOK => return Ok(None),
-                // It may have been told, and forgotten, just before the request began.
-                Err(RecvTimeoutError::Timeout) if self.exchange.state().going_down => {
-                    return Err(Failure::GoingDown);
-                }
-                Err(RecvTimeoutError::Timeout) => {}
-                Err(RecvTimeoutError::Disconnected) => return Err(Failure::GoingDown),
-            }
-        }
     }
 }
