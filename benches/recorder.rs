@@ -196,9 +196,9 @@ fn messages(path: &Path) -> Outcome<(Vec<Raw>, Vec<String>)> {
     Ok((messages, topics))
 }
 
-/// The format library with the log's options, which are its own but for these two.
+/// The format library with the log's options, which are its own but for these three.
 fn write_directly(path: &Path, topics: &[String], messages: &[Raw]) -> Outcome<u64> {
-    let options = WriteOptions::new().compression_threads(0).disable_seeking(true);
+    let options = WriteOptions::new().compression_threads(0).compression_level(1).disable_seeking(true);
     let mut mcap = options.create(BufWriter::new(File::create(path)?))?;
     let nothing = BTreeMap::new();
     let schema = mcap.add_schema("any", "jsonschema", b"{}")?;
