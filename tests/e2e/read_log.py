@@ -15,8 +15,14 @@ SAMPLE_TICKS = 20_000  # log.sample_ms = 10, in ticks of 0.5 µs
 RADIANS_PER_STEP = math.tau / 400  # the built-in set has no motors: the bench motor's turn
 
 topics, schemas, validators = Counter(), {}, {}
-statuses, grid, events = {}, Counter(), []
+statuses, grid, stood, events = {}, Counter(), set(), []
 last_log_time, joints = 0, None
+
+
+def point(tick):
+    """The point of the grid that a tick is, or is next to; log times are rounded."""
+    nearest = round(tick / SAMPLE_TICKS)
+    return nearest if abs(tick - nearest * SAMPLE_TICKS) <= 1 else None
 
 
 def close(one, other):
@@ -48,6 +54,8 @@ with open(sys.argv[1], "rb") as file:
             assert abs(message.publish_time - epoch - value["tick"] * 500 / scale) <= 1, value
         if channel.topic.startswith("/axis/"):
             statuses.setdefault(value["name"], deque(maxlen=3)).append(value)
+            if value["activity"] == "standing":
+                stood.add(point(value["acted_at"]))
         if "timestamp" in value:
             stamp = value["timestamp"]["sec"] * 10**9 + value["timestamp"]["nsec"]
             assert stamp == (message.publish_time if channel.topic == "/joint_states" else message.log_time) or (
@@ -68,11 +76,11 @@ with open(sys.argv[1], "rb") as file:
                     )
                     for status in statuses[joint["name"]]
                 ), (joint, list(statuses[joint["name"]]))
-            tick = round((message.publish_time - epoch) * scale / 500)
-            if any(abs(tick % SAMPLE_TICKS - edge) <= 1 for edge in (0, SAMPLE_TICKS)):
-                grid[round(tick / SAMPLE_TICKS)] += 1
+            grid[point(round((message.publish_time - epoch) * scale / 500))] += 1
 
-assert grid and max(grid.values()) == 1, "a point of the grid has two messages"
+grid.pop(None, None)
+# Where axes come to a stand, each is told of, wherever that falls.
+assert grid and all(grid[at] == 1 for at in grid.keys() - stood), "a point of the grid has two messages"
 for joint in joints:
     last = statuses[joint["name"]][-1]
     assert close(joint.get("position"), last["position"] * RADIANS_PER_STEP if "position" in last else None)
