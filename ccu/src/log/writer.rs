@@ -143,10 +143,11 @@ impl LogWriter {
         let previous = before.and_then(|file| Some(file.file_name()?.to_string_lossy().into_owned()));
         let part = Press::create(&file, &header, &PartPlace { number, previous }, Tick(0))?;
         let Timeline { epoch, scale } = header.timeline;
-        // The hold-back, its allowance for clocks that disagree, and a caller's poll together must fit into `flush`.
-        let quarter = flush / 4;
-        let rest = quarter.max(Duration::from_millis(1));
-        let hold = scale.ticks(HOLD_BACK.min(quarter));
+        // The hold-back, its allowance for clocks that disagree, and a caller's poll together must fit into `flush`; so must
+        // the age at which a flush is due, and one poll more.
+        let eighth = flush / 8;
+        let rest = (eighth * 3).max(Duration::from_millis(1));
+        let hold = scale.ticks(HOLD_BACK.min(eighth * 2));
         let counts = LogSummary { parts: vec![file], bytes: part.bytes(), ..LogSummary::default() };
         Ok(Self {
             path: path.to_owned(),
@@ -156,7 +157,7 @@ impl LogWriter {
             settling: None,
             order: HoldBack::new(hold),
             hold,
-            flush_age: scale.ticks(quarter * 3),
+            flush_age: scale.ticks(eighth * 5),
             poll: POLL.min(rest),
             rest,
             lively: false,

@@ -38,10 +38,12 @@ use super::{BUFFER_FRAMES, Bus, BusError, Waker};
 use crate::MAX_FRAME_BYTES;
 use crate::units::{Address, AxisNumber};
 
+mod habit;
 mod place;
 mod ports;
 mod room;
 
+use habit::Habit;
 pub use place::Place;
 use ports::{Carrier, origin_of};
 pub use ports::{SharedReceive, SharedTap, SharedTransmit};
@@ -190,7 +192,12 @@ impl SharedBus {
                 tracing::warn!(%error, "a port could not be woken");
             }
         });
-        Ok(SharedReceive { subscriber: subscriber(frames)?, listener: self.listener(line)?, waker })
+        Ok(SharedReceive {
+            subscriber: subscriber(frames)?,
+            listener: self.listener(line)?,
+            waker,
+            habit: Habit::new(),
+        })
     }
 }
 

@@ -1,7 +1,8 @@
 //! The ports of the shared-memory bus: iceoryx2's publishers, subscribers, notifiers and listeners behind the bus's
 //! traits. They move bytes and raise lines; which service is which, the parent module decides.
 
-use std::time::Duration;
+use std::hint;
+use std::time::{Duration, Instant};
 
 use iceoryx2::identifiers::UniqueNodeId;
 use iceoryx2::port::listener::Listener;
@@ -16,6 +17,7 @@ use super::super::line::Line;
 use super::super::{
     BUFFER_FRAMES, BusError, Lane, Origin, Receive, Received, Tap, Transmit, Wake, Waker, check_length,
 };
+use super::habit::{AWAKE, Habit};
 use crate::MAX_FRAME_BYTES;
 
 /// iceoryx2 between processes, with ports that may move between threads.
@@ -59,12 +61,40 @@ pub struct SharedReceive {
     pub(super) subscriber: Subscriber<Carrier, [u8], ()>,
     pub(super) listener: Listener<Carrier>,
     pub(super) waker: Waker,
+    pub(super) habit: Habit,
 }
 
 impl SharedReceive {
     /// Takes back what has been raised.
     fn lower(&self) -> Result<(), BusError> {
         self.listener.try_wait(|_| ()).map(drop).map_err(|error| BusError::broken("read a line", error))
+    }
+
+    /// Looks for a frame without sleeping; says whether there is one.
+    fn stay_awake(&self, limit: Duration) -> Result<bool, BusError> {
+        let (began, limit) = (Instant::now(), limit.min(AWAKE));
+        while began.elapsed() < limit {
+            if self.subscriber.has_samples().map_err(|error| BusError::broken("look for a frame", error))? {
+                return Ok(true);
+            }
+            hint::spin_loop();
+        }
+        Ok(false)
+    }
+
+    /// Sleeps until the line is raised; says whether it was.
+    fn sleep(&self, limit: Duration) -> Result<bool, BusError> {
+        // The listener's own timed wait counts in the kernel's ticks, 4 ms and more; `select` counts in microseconds.
+        // Its descriptor is among the process's first, well below the 1024 that `select` can take.
+        let set = FileDescriptorSet::new();
+        let _attached = set
+            .add(&self.listener)
+            .map_err(|error| BusError::broken("watch a line", format!("{error:?}")))?;
+        match set.timed_wait(limit.min(LONGEST_SLEEP), FileEvent::Read, |_| ()) {
+            Ok(raised) => Ok(raised > 0),
+            Err(FileDescriptorSetWaitError::Interrupt) => Ok(true),
+            Err(error) => Err(BusError::broken("wait for a line", format!("{error:?}"))),
+        }
     }
 }
 
@@ -74,17 +104,16 @@ impl Receive for SharedReceive {
     }
 
     fn wait(&mut self, limit: Duration) -> Result<(), BusError> {
-        // The listener's own timed wait counts in the kernel's ticks, 4 ms and more; `select` counts in microseconds.
-        // Its descriptor is among the process's first, well below the 1024 that `select` can take.
-        let set = FileDescriptorSet::new();
-        let _attached = set
-            .add(&self.listener)
-            .map_err(|error| BusError::broken("watch a line", format!("{error:?}")))?;
-        match set.timed_wait(limit.min(LONGEST_SLEEP), FileEvent::Read, |_| ()) {
-            Ok(0) => Ok(()),
-            Ok(_) | Err(FileDescriptorSetWaitError::Interrupt) => self.lower(),
-            Err(error) => Err(BusError::broken("wait for a line", format!("{error:?}"))),
+        if self.habit.stays_awake() {
+            if self.stay_awake(limit)? {
+                return self.lower();
+            }
+            self.habit.was_in_vain();
         }
+        let began = Instant::now();
+        let raised = self.sleep(limit)?;
+        self.habit.slept(raised.then(|| began.elapsed()));
+        if raised { self.lower() } else { Ok(()) }
     }
 
     fn waker(&self) -> Waker {
