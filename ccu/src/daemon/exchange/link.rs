@@ -107,6 +107,7 @@ impl Link for LiveLink {
 
     fn tell_resume(&self) {
         self.exchange.state().tell(&Heard::Resume);
+        self.exchange.wake();
     }
 
     fn send(&mut self, broadcast: Broadcast) -> Result<Sequence, Failure> {

@@ -353,3 +353,6 @@ impl State {
         self.subscribers.retain(|subscriber| subscriber.send(heard.clone()).is_ok());
     }
 }
+
+#[cfg(test)]
+mod tests;
