@@ -34,8 +34,8 @@ struct Args {
     /// What to measure [default: everything]
     #[arg(value_enum)]
     rooms: Vec<Room>,
-    /// Write performance.md into this folder, and append to its performance.csv
-    #[arg(long, value_name = "DIR")]
+    /// Write performance.md, with all rooms, into this folder, and append to its performance.csv
+    #[arg(long, value_name = "DIR", conflicts_with = "rooms")]
     record: Option<PathBuf>,
     /// Given by cargo to every benchmark
     #[arg(long, hide = true)]
