@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 use supersigma_protocol::bus::{BusError, Lane, Receive, Received, Strangers};
 use supersigma_protocol::{Body, Frame, Sender};
 
-use super::Exchange;
+use super::{Exchange, LOOK};
 
 /// So many frames are taken at once, before silence is looked for.
 const AT_ONCE: usize = 1_024;
@@ -120,8 +120,8 @@ impl Exchange {
                         return;
                     }
                 }
-                None if others_talk => {}
-                None => thread::sleep(GLANCE),
+                // Whoever has it listens.
+                None => thread::sleep(LOOK),
             }
             self.look_for_silence();
         }
