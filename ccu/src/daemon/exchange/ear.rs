@@ -4,7 +4,7 @@
 //!
 //! ```text
 //!   the thread   waits on the bus ──┐ somebody waits for an answer      nobody has for a while ┌── waits on the bus
-//!                                   └─► only glances at the bus, and looks for silent cards ───┘
+//!                                   └─► only glances at the bus now and then ──────────────────┘
 //!   a link                              waits on the bus, then computes, waits again, …
 //! ```
 
@@ -86,7 +86,8 @@ impl Exchange {
         }
     }
 
-    /// Waits until something comes, for at most `limit`, and takes what is there.
+    /// Waits until something comes, for at most `limit`, takes what is there, and looks whose silence is too long: never
+    /// before what has been said is known, even if this process has stood still for a while.
     ///
     /// # Errors
     /// If the bus fails; then nobody hears any more.
@@ -98,6 +99,8 @@ impl Exchange {
             tracing::error!(%error, "the CCU does not hear any more");
             **borrowed = None;
             self.going_down();
+        } else {
+            self.look_for_silence();
         }
         result
     }
@@ -123,7 +126,6 @@ impl Exchange {
                 // Whoever has it listens.
                 None => thread::sleep(LOOK),
             }
-            self.look_for_silence();
         }
         let ear = self.ear.lock().unwrap_or_else(PoisonError::into_inner).take();
         if let Some(mut ear) = ear {
