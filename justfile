@@ -18,7 +18,7 @@ long:
 
 # Fuzz one way in for a while (names: `cargo fuzz list`); needs cargo-fuzz and a nightly toolchain
 fuzz target seconds="60":
-    cargo +nightly fuzz run {{target}} -- -max_total_time={{seconds}} -rss_limit_mb=2048 -malloc_limit_mb=512 -timeout=60 -max_len=4096 -print_final_stats=1
+    cargo +nightly fuzz run {{target}} -- -max_total_time={{seconds}} -rss_limit_mb=2048 -malloc_limit_mb=512 -timeout=60 -max_len=16384 -print_final_stats=1 -seed_inputs=config/supersigma.toml,examples/assembly.rhai,examples/lines.rhai,examples/together.rhai,examples/recover.rhai
 
 # Fuzz every way in, one after the other, a minute each
 fuzz-all:

@@ -31,6 +31,7 @@ pub fn executive(bytes: &[u8]) {
         now: Tick(0),
         sequence: Sequence(0),
         asked: Rc::clone(&asked),
+        down: false,
     };
     let count = taken(link.chance.int_in_range(1..=REQUESTS));
     let requests: Vec<Request> = (0..count).map(|_| link.request()).collect();
@@ -88,6 +89,8 @@ struct Garbled<'a> {
     now: Tick,
     sequence: Sequence,
     asked: Rc<RefCell<Asked>>,
+    /// Whether it has been said that the set goes down.
+    down: bool,
 }
 
 impl Garbled<'_> {
@@ -212,10 +215,11 @@ impl Link for Garbled<'_> {
         Ok(self.number())
     }
 
-    /// Ends with the bytes: what is heard then is that the set goes down.
+    /// Ends with the bytes: what is heard then, once, is that the set goes down.
     fn hear(&mut self, until: Tick) -> Result<Option<Heard>, Failure> {
         if self.chance.is_empty() {
-            return Ok(Some(Heard::GoingDown));
+            let told = std::mem::replace(&mut self.down, true);
+            return if told { Err(Failure::GoingDown) } else { Ok(Some(Heard::GoingDown)) };
         }
         let card = Address(taken(self.chance.int_in_range(0_u8..=10)));
         match taken(self.chance.int_in_range(0_u8..=31)) {
