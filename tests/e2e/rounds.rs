@@ -88,14 +88,14 @@ impl Round {
             step => client.says(&format!("step {step}")),
         }
         thread::sleep(self.delay);
-        self.strike(&cell, up.pid);
+        let killed = self.strike(&cell, up.pid);
         // How it ends, depends on what it waited for; that it ends, does not.
         let _ = client.end();
         let told = if self.victim == Victim::Daemon && !matches!(self.fate, Fate::Paused(_)) {
             cell.until_all_have_ended();
             None
         } else {
-            Some(self.take_down(&cell))
+            Some(self.take_down(&cell, killed))
         };
         let account = self.read_logs(&cell, &up.log);
         if let Some(told) = told {
@@ -104,7 +104,8 @@ impl Round {
         start_again(&cell);
     }
 
-    fn strike(&self, cell: &Cell, daemon: u32) {
+    /// Gives the process that does not live any more.
+    fn strike(&self, cell: &Cell, daemon: u32) -> Option<u32> {
         let process = match self.victim {
             Victim::Worker(card) => Some(cell.worker(card)),
             Victim::Recorder => Some(cell.recorder()),
@@ -127,13 +128,16 @@ impl Round {
             }
         };
         assert!(reached || self.victim == Victim::Client, "who is of the set lives on");
+        process.filter(|_| !matches!(self.fate, Fate::Paused(_))).map(|process| process.pid)
     }
 
     /// The set has survived: everybody comes back, every axis can be moved, and it goes down in order. Gives the positions that
     /// it told in the end.
-    fn take_down(&self, cell: &Cell) -> BTreeMap<AxisNumber, Option<i64>> {
+    fn take_down(&self, cell: &Cell, killed: Option<u32>) -> BTreeMap<AxisNumber, Option<i64>> {
         eventually("everybody is there", || {
-            let running = |row: &Value| row["state"] == "running";
+            // The daemon need not have noticed yet that somebody is gone.
+            let running =
+                |row: &Value| row["state"] == "running" && row["pid"].as_u64() != killed.map(u64::from);
             cell.ccu("ps --json --name cell").good().json().iter().all(running).then_some(())
         });
         let standing = eventually("everybody stands", || {

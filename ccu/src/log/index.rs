@@ -11,7 +11,7 @@ use mcap::MAGIC;
 use mcap::records::{Channel, Record, SchemaHeader, Statistics, op};
 
 use super::header::WallTime;
-use super::limits::LONGEST_RECORD;
+use super::limits::{LONGEST_RECORD, parse};
 
 /// A record's code and length.
 pub(super) const RECORD_HEAD: usize = 1 + 8;
@@ -108,7 +108,7 @@ impl Index {
             self.chunk_count += 1;
             return Some(());
         }
-        match mcap::parse_record(opcode, body).ok()? {
+        match parse(opcode, body).ok()? {
             Record::Schema { header, data } => {
                 self.schemas.insert(header.id, (header, data.into_owned()));
             }

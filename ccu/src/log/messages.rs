@@ -19,7 +19,7 @@ use super::LogError;
 use super::channels::MICROBUS;
 use super::header::{CONFIG_NAME, LogHeader, METADATA_NAME, SCRIPT_NAME, WallTime};
 use super::index::{Index, Parts};
-use super::limits::{LONGEST_RECORD, ONE_READ, options};
+use super::limits::{LONGEST_RECORD, ONE_READ, options, parse};
 use super::reader::attachment_is_whole;
 
 /// A channel, and what is known of it so far.
@@ -226,8 +226,7 @@ impl Messages {
                 return Err(damaged(&self.path, &self.channels, McapError::UnexpectedEoc));
             }
             let length = data.len();
-            let record = mcap::parse_record(opcode, data)
-                .map_err(|source| damaged(&self.path, &self.channels, source))?;
+            let record = parse(opcode, data).map_err(|source| damaged(&self.path, &self.channels, source))?;
             let is_new = match &record {
                 Record::Schema { header, .. } => !self.schemas.contains_key(&header.id),
                 Record::Channel(channel) => !self.channels.contains_key(&channel.id),

@@ -23,7 +23,7 @@ use super::channels::MICROBUS;
 use super::file::OWNER_ONLY;
 use super::header::{LogHeader, METADATA_NAME, WallTime};
 use super::index::{Index, Parts};
-use super::limits::{ONE_READ, options};
+use super::limits::{ONE_READ, options, parse};
 use super::salvage::{Chunk, Piece, Salvage};
 use super::senders::Senders;
 
@@ -377,7 +377,7 @@ fn compare(out: &mut (impl Read + Seek), recovery: &Recovery, tally: &Tally) -> 
                 reader.notify_read(bytes);
             }
             LinearReadEvent::Record { opcode, data } => {
-                if let Ok(Record::Message { header, data }) = mcap::parse_record(opcode, data) {
+                if let Ok(Record::Message { header, data }) = parse(opcode, data) {
                     read.add(&header, &data);
                 }
             }

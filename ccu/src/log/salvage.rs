@@ -17,7 +17,7 @@ use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader};
 use mcap::{MAGIC, McapError};
 
 use super::index::{RECORD_HEAD, number};
-use super::limits::{LONGEST_RECORD, options};
+use super::limits::{LONGEST_RECORD, options, parse};
 use super::reader::attachment_is_whole;
 
 /// What stands at a fixed distance behind the beginning of a chunk of ours: how it is compressed.
@@ -52,7 +52,7 @@ pub(super) struct Chunk {
 impl Chunk {
     /// The records one by one.
     pub(super) fn records(&self) -> impl Iterator<Item = Result<Record<'_>, McapError>> {
-        self.records.iter().map(|(opcode, place)| mcap::parse_record(*opcode, &self.bytes[place.clone()]))
+        self.records.iter().map(|(opcode, place)| parse(*opcode, &self.bytes[place.clone()]))
     }
 }
 
@@ -190,7 +190,7 @@ fn piece(record: &[u8]) -> Option<Piece> {
     if opcode == op::ATTACHMENT && !attachment_is_whole(body) {
         return None;
     }
-    match mcap::parse_record(opcode, body).ok()? {
+    match parse(opcode, body).ok()? {
         Record::Header(header) => Some(Piece::Header(header)),
         // The parser has compared the checksum.
         Record::Attachment { header, data, .. } => Some(Piece::Attachment(header, data.into_owned())),
@@ -220,7 +220,7 @@ fn unpack(record: &[u8]) -> Option<Chunk> {
                 rest = later;
             }
             LinearReadEvent::Record { opcode, data } => {
-                mcap::parse_record(opcode, data).ok()?;
+                parse(opcode, data).ok()?;
                 let start = chunk.bytes.len();
                 chunk.bytes.extend_from_slice(data);
                 chunk.records.push((opcode, start..chunk.bytes.len()));

@@ -44,7 +44,7 @@ impl LiveLink {
             if let Some(heard) = self.told()? {
                 return Ok(Some(heard));
             }
-            self.exchange.listen_with(&mut ear, limit).map_err(bus_gone)?;
+            self.exchange.listen_with(&mut ear, limit).map_err(|error| bus_gone(&error))?;
             drop(ear);
             return self.told();
         }
@@ -112,7 +112,7 @@ impl Link for LiveLink {
 
     fn send(&mut self, broadcast: Broadcast) -> Result<Sequence, Failure> {
         self.check(&broadcast)?;
-        self.exchange.send(broadcast).map_err(bus_gone)
+        self.exchange.send(broadcast).map_err(|error| bus_gone(&error))
     }
 
     fn inject(&mut self, axis: AxisNumber, fault: Fault) -> Result<Sequence, Failure> {
@@ -121,7 +121,7 @@ impl Link for LiveLink {
             return Err(Failure::WorkerGone { card });
         }
         let sent = self.exchange.put(Body::Fault(axis, fault), Wake::Card(card));
-        sent.map_err(bus_gone)
+        sent.map_err(|error| bus_gone(&error))
     }
 
     fn hear(&mut self, until: Tick) -> Result<Option<Heard>, Failure> {
@@ -144,6 +144,6 @@ impl Link for LiveLink {
     }
 }
 
-fn bus_gone(error: BusError) -> Failure {
+fn bus_gone(error: &BusError) -> Failure {
     Failure::BusGone { reason: error.to_string() }
 }

@@ -34,7 +34,7 @@ impl Set {
         let bus = InProcessBus::new();
         let (transmit, receive) = bus.ccu().expect("a port");
         let over = Arc::new(AtomicBool::new(false));
-        let card = play(&bus, knowledge.config.clone(), clock, Arc::clone(&over));
+        let card = play(&bus, &knowledge.config, clock, Arc::clone(&over));
         let (exchange, listening) =
             Exchange::start(knowledge, clock, members, transmit, receive).expect("a thread");
         Self { exchange, listening: Some(listening), card: Some(card), over, _folder: folder }
@@ -56,10 +56,10 @@ impl Drop for Set {
 }
 
 /// A card's process in small.
-fn play(bus: &InProcessBus, config: Config, clock: Clock, over: Arc<AtomicBool>) -> JoinHandle<()> {
+fn play(bus: &InProcessBus, config: &Config, clock: Clock, over: Arc<AtomicBool>) -> JoinHandle<()> {
     let number = AxisNumber::all().next().expect("seven");
     let (mut transmit, mut receive) = bus.card(number.address()).expect("a port");
-    let mut card = Card::axis(&config, number).expect("a good ramp").expect("it exists");
+    let mut card = Card::axis(config, number).expect("a good ramp").expect("it exists");
     let (mut sequence, mut said) = (Sequence(0), Vec::<Answer>::new());
     thread::spawn(move || {
         while !over.load(Ordering::Acquire) {
