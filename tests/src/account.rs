@@ -147,7 +147,14 @@ impl Account {
         let (CardKind::Axis(number), Report::Axis(report)) = (answer.card.kind(), answer.report) else {
             return;
         };
-        let axis = self.axes.entry(number).or_default();
+        let axis = self.axes.entry(number).or_insert_with(|| {
+            let mut axis = Axis::default();
+            // What it said before is not in the log.
+            if frame.sequence != Sequence(0) {
+                axis.doubt();
+            }
+            axis
+        });
         match answer.about {
             About::Unasked(Occasion::Joined) => *axis = Axis::default(),
             About::Command(sequence, Ok(())) => {
