@@ -10,7 +10,7 @@
 //! figures, not a failure.
 
 use std::error::Error;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Parser, ValueEnum};
@@ -34,7 +34,7 @@ struct Args {
     /// What to measure [default: everything]
     #[arg(value_enum)]
     rooms: Vec<Room>,
-    /// Write performance.md, with all rooms, into this folder, and append to its performance.csv
+    /// Write performance.md, with all rooms, into this folder of the repository, and append to its performance.csv
     #[arg(long, value_name = "DIR", conflicts_with = "rooms")]
     record: Option<PathBuf>,
     /// Given by cargo to every benchmark
@@ -82,7 +82,8 @@ fn main() -> Result<ExitCode, Box<dyn Error>> {
         print!("{}", report.add(figures));
     }
     if let Some(folder) = &args.record {
-        report.record(folder)?;
+        // Cargo starts a benchmark in its package's folder.
+        report.record(&Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(folder))?;
     }
     Ok(ExitCode::SUCCESS)
 }
