@@ -10,7 +10,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use axis_worker::clock::TimeScale;
-use ccu::log::{AxisNames, LogHeader, LogReader, LogWriter, Timeline, WallTime};
+use ccu::log::{AxisNames, COMPRESSION_LEVEL, LogHeader, LogReader, LogWriter, Timeline, WallTime};
 use mcap::records::MessageHeader;
 use mcap::{MessageStream, WriteOptions};
 use rustix::time::{ClockId, clock_gettime};
@@ -198,7 +198,8 @@ fn messages(path: &Path) -> Outcome<(Vec<Raw>, Vec<String>)> {
 
 /// The format library with the log's options, which are its own but for these three.
 fn write_directly(path: &Path, topics: &[String], messages: &[Raw]) -> Outcome<u64> {
-    let options = WriteOptions::new().compression_threads(0).compression_level(1).disable_seeking(true);
+    let options =
+        WriteOptions::new().compression_threads(0).compression_level(COMPRESSION_LEVEL).disable_seeking(true);
     let mut mcap = options.create(BufWriter::new(File::create(path)?))?;
     let nothing = BTreeMap::new();
     let schema = mcap.add_schema("any", "jsonschema", b"{}")?;

@@ -217,15 +217,15 @@ impl<P: PulseWriter> DrySet<P> {
     fn exchange(&mut self) -> Result<(), Failure> {
         for seat in &mut self.cards {
             seat.card.advance(self.now, &mut seat.said);
-            while let Some(received) = seat.receive.receive().map_err(bus_gone)? {
+            while let Some(received) = seat.receive.receive().map_err(Failure::bus_gone)? {
                 if let Ok(frame) = Frame::decode(&received.bytes) {
                     seat.card.hear(&frame, &mut seat.said);
                 }
             }
-            seat.flush(&mut self.timing).map_err(bus_gone)?;
+            seat.flush(&mut self.timing).map_err(Failure::bus_gone)?;
         }
         self.write_pulses()?;
-        self.log_frames().map_err(bus_gone)
+        self.log_frames().map_err(Failure::bus_gone)
     }
 
     fn put(&mut self, body: Body) -> Result<Sequence, Failure> {
@@ -233,7 +233,7 @@ impl<P: PulseWriter> DrySet<P> {
         self.sequence = sequence.next();
         let frame = Frame { sender: Sender::Ccu, sequence, tick: self.now, body };
         self.timing.hear(&frame);
-        self.transmit.send(&frame.encode(), Wake::Everyone).map_err(bus_gone)?;
+        self.transmit.send(&frame.encode(), Wake::Everyone).map_err(Failure::bus_gone)?;
         self.exchange()?;
         Ok(sequence)
     }
@@ -323,8 +323,8 @@ impl<P: PulseWriter> Link for DrySet<P> {
 
     fn hear(&mut self, until: Tick) -> Result<Option<Heard>, Failure> {
         loop {
-            if let Some(received) = self.receive.receive().map_err(bus_gone)? {
-                let frame = Frame::decode(&received.bytes).map_err(bus_gone)?;
+            if let Some(received) = self.receive.receive().map_err(Failure::bus_gone)? {
+                let frame = Frame::decode(&received.bytes).map_err(Failure::bus_gone)?;
                 let Body::Answer(answer) = frame.body else { continue };
                 if answer.about == About::Unasked(Occasion::Sampled) {
                     continue;
@@ -339,8 +339,4 @@ impl<P: PulseWriter> Link for DrySet<P> {
             self.exchange()?;
         }
     }
-}
-
-fn bus_gone(error: impl std::fmt::Display) -> Failure {
-    Failure::BusGone { reason: error.to_string() }
 }

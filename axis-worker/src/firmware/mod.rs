@@ -191,11 +191,8 @@ impl Firmware {
     /// rotor: what that makes of a pulse is seen only afterwards.
     pub(crate) fn leap(&mut self, to: Tick, board: &mut Board) {
         let after = to + Ticks(1);
-        let writes = match &self.state {
-            State::Moving(movement) | State::Searching(_, movement) => movement.writes_before(after),
-            _ => false,
-        };
-        if !writes {
+        let (State::Moving(movement) | State::Searching(_, movement)) = &self.state else { return };
+        if !movement.writes_before(after) {
             return;
         }
         let news = self.next_news(board).unwrap_or(to).min(after);

@@ -198,6 +198,11 @@ pub struct LogTrouble {
 }
 
 impl Failure {
+    /// The carrier of the frames failed, and says why.
+    pub(crate) fn bus_gone(error: impl fmt::Display) -> Self {
+        Self::BusGone { reason: error.to_string() }
+    }
+
     /// The exit code of the command line: 1 the robot could not, 2 wrongly asked, 3 nobody there.
     #[must_use]
     pub fn exit_code(&self) -> u8 {

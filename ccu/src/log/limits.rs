@@ -59,7 +59,8 @@ pub(super) fn parse(opcode: u8, body: &[u8]) -> Result<Record<'_>, McapError> {
         op::CHUNK => &[Bytes(3 * 8 + 4), Text],
         // Its map has numbers, and is as long as it says, or no map.
         op::CHUNK_INDEX => &[Bytes(4 * 8), Text, Bytes(8), Text],
-        op::ATTACHMENT => &[Bytes(2 * 8), Text, Text],
+        // The library takes for granted that there is room for the data's length and a checksum.
+        op::ATTACHMENT => &[Bytes(2 * 8), Text, Text, Bytes(8 + 4)],
         op::ATTACHMENT_INDEX => &[Bytes(5 * 8), Text, Text],
         op::METADATA => &[Text, Texts],
         op::METADATA_INDEX => &[Bytes(2 * 8), Text],
@@ -113,6 +114,8 @@ mod tests {
         ] {
             assert!(matches!(metadata(&lies), Err(McapError::UnexpectedEoc)), "{lies:?}");
         }
+        // Two times and two empty texts, and then neither a length nor a checksum.
+        assert!(matches!(parse(op::ATTACHMENT, &[0; 2 * 8 + 2 * 4]), Err(McapError::UnexpectedEoc)));
     }
 
     #[test]

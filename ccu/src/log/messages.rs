@@ -20,7 +20,6 @@ use super::channels::MICROBUS;
 use super::header::{CONFIG_NAME, LogHeader, METADATA_NAME, SCRIPT_NAME, WallTime};
 use super::index::{Index, Parts};
 use super::limits::{LONGEST_RECORD, ONE_READ, options, parse};
-use super::reader::attachment_is_whole;
 
 /// A channel, and what is known of it so far.
 #[derive(Debug, Clone)]
@@ -222,9 +221,6 @@ impl Messages {
                 Some(Ok(LinearReadEvent::Record { opcode, data })) => (opcode, data),
                 Some(Err(source)) => return Err(damaged(&self.path, &self.channels, source)),
             };
-            if opcode == mcap::records::op::ATTACHMENT && !attachment_is_whole(data) {
-                return Err(damaged(&self.path, &self.channels, McapError::UnexpectedEoc));
-            }
             let length = data.len();
             let record = parse(opcode, data).map_err(|source| damaged(&self.path, &self.channels, source))?;
             let is_new = match &record {

@@ -72,6 +72,7 @@ pub use header::{AxisNames, LogHeader, Timeline, WallTime};
 pub use info::{AlarmInfo, ChannelInfo, FramesInfo, GapInfo, LogInfo, LogState, info};
 pub use line::Lines;
 pub use live::LiveView;
+pub use part::COMPRESSION_LEVEL;
 pub use reader::{LogReader, LoggedFrame};
 pub use recorder::{RecorderStatus, run};
 pub use recover::{Lost, Recovery, recover};

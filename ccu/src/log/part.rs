@@ -14,6 +14,9 @@ use super::channels::{Channels, McapFile, write_preamble};
 use super::file::{Ledger, LogFile};
 use super::header::{AxisNames, LogHeader, METADATA_NAME};
 
+/// Of zstd, for a log's chunks: as small as at the library's own level, at half the cost, because what repeats is near.
+pub const COMPRESSION_LEVEL: u32 = 1;
+
 /// Where a file stands in its log.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct PartPlace {
@@ -45,8 +48,7 @@ impl Part {
                 .profile(METADATA_NAME)
                 // The press is this file's thread.
                 .compression_threads(0)
-                // As small as at the library's own level, at half the cost: what repeats is near.
-                .compression_level(1)
+                .compression_level(COMPRESSION_LEVEL)
                 .disable_seeking(true)
                 .create(file)?;
             write_preamble(&mut mcap, header, place)?;

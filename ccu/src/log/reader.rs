@@ -96,18 +96,3 @@ pub(super) fn lane(channel: &Channel) -> Option<Lane> {
     let name = channel.metadata.get(LANE)?;
     [Lane::Commands, Lane::Answers].into_iter().find(|&lane| name == lane_name(lane))
 }
-
-/// Whether an attachment record has room for its fixed parts (two times, two strings' lengths, the data's length, a
-/// checksum) and its two strings. The format's parser takes that for granted.
-pub(super) fn attachment_is_whole(record: &[u8]) -> bool {
-    let length = |at: usize| {
-        let bytes = record.get(at..at.checked_add(4)?)?;
-        usize::try_from(u32::from_le_bytes(bytes.try_into().ok()?)).ok()
-    };
-    let needed = || {
-        let name = length(16)?;
-        let media_type = length(name.checked_add(20)?)?;
-        name.checked_add(media_type)?.checked_add(8 + 8 + 4 + 4 + 8 + 4)
-    };
-    needed().is_some_and(|needed| record.len() >= needed)
-}

@@ -18,7 +18,6 @@ use mcap::{MAGIC, McapError};
 
 use super::index::{RECORD_HEAD, number};
 use super::limits::{LONGEST_RECORD, options, parse};
-use super::reader::attachment_is_whole;
 
 /// What stands at a fixed distance behind the beginning of a chunk of ours: how it is compressed.
 const CHUNK_MARK: (&[u8], u64) = (b"\x04\0\0\0zstd", (RECORD_HEAD + 8 + 8 + 8 + 4) as u64);
@@ -187,9 +186,6 @@ impl<F: Read + Seek> Salvage<F> {
 /// What is in a whole record; `None` if it is not good.
 fn piece(record: &[u8]) -> Option<Piece> {
     let (opcode, body) = (record[0], &record[RECORD_HEAD..]);
-    if opcode == op::ATTACHMENT && !attachment_is_whole(body) {
-        return None;
-    }
     match parse(opcode, body).ok()? {
         Record::Header(header) => Some(Piece::Header(header)),
         // The parser has compared the checksum.

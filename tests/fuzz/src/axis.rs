@@ -8,7 +8,7 @@ use axis_worker::{Card, Sink};
 use supersigma_config::{Config, Feedback, MotorConfig, ShortMoves};
 use supersigma_protocol::{
     About, Activity, Answer, AxisReport, Body, Command, Fault, Frame, Occasion, Operation, Position, Report,
-    Sequence, Steps, Switch, Tick, Ticks,
+    Sender, Sequence, Steps, Switch, Tick, Ticks,
 };
 
 use crate::{frames, taken};
@@ -162,7 +162,7 @@ impl Rig {
                 let axis = self.card.as_axis().expect("a motor card").number();
                 let body = Body::Fault(axis, frames::fault(chance));
                 let sequence = self.sequence;
-                self.hear(&Frame { sender: supersigma_protocol::Sender::Ccu, sequence, tick: now, body });
+                self.hear(&Frame { sender: Sender::Ccu, sequence, tick: now, body });
             }
             9 => {
                 self.card.orphan(&mut self.record);
@@ -195,7 +195,7 @@ impl Rig {
             _ => {}
         }
         let expected = frame.sequence == self.sequence;
-        if frame.sender == supersigma_protocol::Sender::Ccu {
+        if frame.sender == Sender::Ccu {
             self.sequence = frame.sequence.next();
         }
         self.card.hear(frame, &mut self.record);

@@ -107,7 +107,7 @@ impl Exchange {
 
     /// The thread: listens while nobody else does.
     pub(super) fn listen(&self) {
-        while !self.over() {
+        while !self.over.load(Ordering::Acquire) {
             let others_talk = self.talks.are_going_on();
             if others_talk {
                 thread::sleep(GLANCE);

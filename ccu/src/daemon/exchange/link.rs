@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError};
 use std::time::Duration;
 
-use supersigma_protocol::bus::{BusError, Wake};
+use supersigma_protocol::bus::Wake;
 use supersigma_protocol::{
     Activity, Address, AxisNumber, Body, Broadcast, CardKind, Command, Fault, Report, Sequence, Tick, Ticks,
 };
@@ -44,7 +44,7 @@ impl LiveLink {
             if let Some(heard) = self.told()? {
                 return Ok(Some(heard));
             }
-            self.exchange.listen_with(&mut ear, limit).map_err(|error| bus_gone(&error))?;
+            self.exchange.listen_with(&mut ear, limit).map_err(Failure::bus_gone)?;
             drop(ear);
             return self.told();
         }
@@ -57,6 +57,7 @@ impl LiveLink {
             Err(RecvTimeoutError::Disconnected) => Err(Failure::GoingDown),
         }
     }
+
     /// Moves need a log and living cards; stopping and asking do not.
     fn check(&self, broadcast: &Broadcast) -> Result<(), Failure> {
         let Ok(command) = Command::decode(broadcast.bytes.as_slice()) else {
@@ -112,7 +113,7 @@ impl Link for LiveLink {
 
     fn send(&mut self, broadcast: Broadcast) -> Result<Sequence, Failure> {
         self.check(&broadcast)?;
-        self.exchange.send(broadcast).map_err(|error| bus_gone(&error))
+        self.exchange.send(broadcast).map_err(Failure::bus_gone)
     }
 
     fn inject(&mut self, axis: AxisNumber, fault: Fault) -> Result<Sequence, Failure> {
@@ -121,7 +122,7 @@ impl Link for LiveLink {
             return Err(Failure::WorkerGone { card });
         }
         let sent = self.exchange.put(Body::Fault(axis, fault), Wake::Card(card));
-        sent.map_err(|error| bus_gone(&error))
+        sent.map_err(Failure::bus_gone)
     }
 
     fn hear(&mut self, until: Tick) -> Result<Option<Heard>, Failure> {
@@ -142,8 +143,4 @@ impl Link for LiveLink {
             }
         }
     }
-}
-
-fn bus_gone(error: &BusError) -> Failure {
-    Failure::BusGone { reason: error.to_string() }
 }

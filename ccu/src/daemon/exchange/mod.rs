@@ -292,10 +292,6 @@ impl Exchange {
         }
     }
 
-    fn over(&self) -> bool {
-        self.over.load(Ordering::Acquire)
-    }
-
     /// How long the thread may sleep. What matters wakes it; heartbeats wait on the bus until a card could have been silent
     /// for too long.
     fn patience(&self) -> Duration {
