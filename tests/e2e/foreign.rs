@@ -13,6 +13,8 @@ use supersigma_protocol::{About, Address, Body, Frame, Occasion, Position, Repor
 use supersigma_tests::{Cell, eventually, patient};
 
 const EXE: &str = env!("CARGO_BIN_EXE_ccu");
+/// Where a stranger says that an axis stands: beyond every rail, so that no axis is sampled there on its way.
+const LIE: i32 = 123_456;
 
 /// A set without axis 7, so that one place to speak is nobody's.
 fn with_a_free_place() -> Cell {
@@ -50,7 +52,7 @@ fn lie(bus: &SharedBus, card: Address) -> Frame {
         let Body::Answer(answer) = &mut frame.body else { return None };
         let Report::Axis(report) = &mut answer.report else { return None };
         answer.about = About::Unasked(Occasion::Changed);
-        report.position = Some(Position(12_345));
+        report.position = Some(Position(LIE));
         // A gap, if anybody counted it.
         frame.sequence = Sequence(frame.sequence.0 + 1_000);
         Some(frame)
@@ -116,7 +118,7 @@ fn a_stranger_that_floods_and_lies_is_named_and_changes_nothing() {
     assert_eq!(info["frames"]["undecodable"], 0, "{info}");
     assert_eq!(info["gaps"].as_array().map(Vec::len), Some(0), "{info}");
     let frames = cell.frames(&up.log);
-    assert!(frames.iter().all(|frame| frame["position"] != 12_345));
+    assert!(frames.iter().all(|frame| frame["position"] != LIE));
 }
 
 #[test]
