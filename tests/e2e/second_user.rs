@@ -148,6 +148,7 @@ fn what_another_user_puts_among_a_sets_files_is_told_and_stops_no_set_that_is_up
     File::options().write(true).open(&squatter).and_then(|file| file.set_len(1 << 20)).expect("root may");
     // A card that comes back goes through the set's files.
     cell.worker(7).signal(Signal::KILL);
+    cell.until_back("wrist", 1);
     cell.until("wrist", "is back", |axis| axis["activity"] == "standing" && axis["alive"] == true);
     cell.ccu("clear").done();
     cell.ccu("origin wrist").done();
@@ -182,6 +183,7 @@ fn nothing_is_open_to_others_after_processes_were_started_again_and_the_log_was_
     let log = cell.path("cell.mcap");
     cell.ccu("up --detach --time-scale 20 --config cell.toml --log cell.mcap --log-rotate 0.1MB").done();
     cell.worker(7).signal(Signal::KILL);
+    cell.until_back("wrist", 1);
     cell.until("wrist", "is back", |axis| axis["activity"] == "standing" && axis["alive"] == true);
     cell.recorder().signal(Signal::KILL);
     let recording = || {

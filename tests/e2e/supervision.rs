@@ -7,28 +7,13 @@ use supersigma_tests::{Cell, Signal, changed, eventually, patient};
 
 const EXE: &str = env!("CARGO_BIN_EXE_ccu");
 
-fn ps(cell: &Cell) -> Vec<Value> {
-    cell.ccu("ps --json --name cell").good().json()
-}
-
-fn process(cell: &Cell, name: &str) -> Value {
-    let found = ps(cell).into_iter().find(|row| row["name"] == name || row["role"] == name);
-    found.unwrap_or_else(|| panic!("no {name}"))
-}
-
-fn until_back(cell: &Cell, name: &str, restarts: u32) -> Value {
-    eventually(&format!("{name} is back"), || {
-        Some(process(cell, name)).filter(|row| row["restarts"] == restarts && row["state"] == "running")
-    })
-}
-
 #[test]
 fn a_killed_worker_comes_back_and_does_not_know_where_its_axis_is() {
     let cell = Cell::new(EXE);
     let up = cell.up("2");
     cell.ccu("origin left_x left_y").done();
     cell.ccu("move left_x 500").done();
-    let before = process(&cell, "left_y");
+    let before = cell.process_row("left_y");
     assert_eq!(
         (&before["axis"], &before["restarts"], &before["state"]),
         (&json!(2), &json!(0), &json!("running"))
@@ -49,7 +34,7 @@ fn a_killed_worker_comes_back_and_does_not_know_where_its_axis_is() {
     let running = cell.start(&format!("run {}", program.display()));
     cell.until("left_y", "on its way", |axis| axis["activity"] == "cruising");
     cell.ccu("kill-worker left_y").done();
-    let after = until_back(&cell, "left_y", 1);
+    let after = cell.until_back("left_y", 1);
     assert_ne!(after["pid"], before["pid"]);
     let ran = running.end().good();
     assert_eq!(ran.stdout.lines().filter(|line| line.starts_with("caught: ")).count(), 2, "{ran}");
@@ -74,7 +59,7 @@ fn a_worker_that_keeps_ending_is_started_less_and_less_often() {
     let _up = cell.up("20");
     for restarts in 1..=3 {
         cell.ccu("kill-worker digital").done();
-        until_back(&cell, "digital", restarts);
+        cell.until_back("digital", restarts);
     }
     cell.ccu("input").done();
     let table = cell.ccu("ps").good();
@@ -95,7 +80,7 @@ fn a_killed_recorder_comes_back_with_another_file() {
     });
     cell.recorder().signal(Signal::KILL);
     cell.until("left_x", "has braked", |axis| axis["alarm"]["cause"] == "braked");
-    until_back(&cell, "recorder", 1);
+    cell.until_back("recorder", 1);
     cell.ccu("clear").done();
     let home = cell.axis("left_x")["position"].as_i64().expect("the position is kept");
     cell.ccu(&format!("move left_x -{home}")).done();
@@ -135,7 +120,7 @@ fn without_restarts_who_is_gone_stays_gone() {
         .expect("a configuration");
     let _up = cell.up("20");
     cell.ccu("kill-worker left_y").done();
-    eventually("left_y is gone", || Some(process(&cell, "left_y")).filter(|row| row["state"] == "ended"));
+    eventually("left_y is gone", || Some(cell.process_row("left_y")).filter(|row| row["state"] == "ended"));
     cell.ccu("kill-worker left_y").fails(1, &["the worker of left_y has no process just now"]);
     cell.ccu("kill-worker left_q").fails(2, &["no axis \"left_q\"", "left_y"]);
     let _ = cell.down();
@@ -152,9 +137,9 @@ fn processes_come_back_although_the_program_has_been_replaced() {
     fs::write(&installed, "another program").expect("writable");
     cell.ccu("origin left_x").done();
     cell.ccu("kill-worker left_y").done();
-    until_back(&cell, "left_y", 1);
+    cell.until_back("left_y", 1);
     cell.recorder().signal(Signal::KILL);
-    until_back(&cell, "recorder", 1);
+    cell.until_back("recorder", 1);
     cell.ccu("clear").done();
     cell.ccu("origin left_y").done();
     // They bear the name of the program, not of the way in which they were started.

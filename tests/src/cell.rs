@@ -216,6 +216,23 @@ impl Cell {
         eventually(&format!("{axis} {what}"), || Some(self.axis(axis)).filter(&seen))
     }
 
+    /// What `ccu ps` tells of the process of the axis, or of the part, with this name.
+    #[must_use]
+    pub fn process_row(&self, name: &str) -> Value {
+        let rows = self.run(&["ps", "--json"]).good().json();
+        let found = rows.into_iter().find(|row| row["name"] == name || row["role"] == name);
+        found.unwrap_or_else(|| panic!("no {name}"))
+    }
+
+    /// Waits until that process was started again so often, and runs: who asks sooner may ask one that has just ended.
+    #[expect(clippy::must_use_candidate, reason = "most only wait")]
+    pub fn until_back(&self, name: &str, restarts: u32) -> Value {
+        eventually(&format!("{name} is back"), || {
+            Some(self.process_row(name))
+                .filter(|row| row["restarts"] == restarts && row["state"] == "running")
+        })
+    }
+
     /// The frames of a complete log.
     #[must_use]
     pub fn frames(&self, log: &Path) -> Vec<Value> {
